@@ -1,0 +1,40 @@
+//! Compiles every `shaders/glsl/*.comp` to SPIR-V for Vulkan 1.3 and writes `shaders.rs`: one `&[u32]` constant a
+//! pass, named as the file's stem in capitals.
+
+use std::{env, fs, path::PathBuf};
+
+fn main() {
+    let folder = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("shaders/glsl");
+    let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets it"));
+    println!("cargo:rerun-if-changed={}", folder.display());
+    let compiler = shaderc::Compiler::new().expect("shaderc could not be initialised");
+    let mut options = shaderc::CompileOptions::new().expect("shaderc could not be initialised");
+    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
+    options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+    options.set_generate_debug_info(); // keeps binding and member names, by which bindings are matched
+    options.set_warnings_as_errors();
+    let includes = folder.clone();
+    options.set_include_callback(move |name, _, _, _| {
+        let path = includes.join(name);
+        let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
+    });
+
+    let mut stems: Vec<_> = fs::read_dir(&folder)
+        .expect("shaders/glsl is part of the source")
+        .map(|entry| entry.expect("a readable folder").path())
+        .filter(|path| path.extension().is_some_and(|e| e == "comp"))
+        .collect();
+    stems.sort();
+    let mut table = String::new();
+    for path in &stems {
+        let stem = path.file_stem().expect("a file name").to_string_lossy().into_owned();
+        let source = fs::read_to_string(path).expect("a readable shader");
+        let spirv = compiler
+            .compile_into_spirv(&source, shaderc::ShaderKind::Compute, &path.display().to_string(), "main", Some(&options))
+            .unwrap_or_else(|error| panic!("{error}"));
+        let words: Vec<String> = spirv.as_binary().iter().map(|word| format!("{word:#x}")).collect();
+        table += &format!("/// SPIR-V of `shaders/glsl/{stem}.comp`.\npub const {}: &[u32] = &[{}];\n", stem.to_uppercase(), words.join(","));
+    }
+    fs::write(out.join("shaders.rs"), table).expect("OUT_DIR is writable");
+}

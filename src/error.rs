@@ -1,0 +1,54 @@
+//! One error type: what failed, on which file, field or object, and what the user can do about it.
+
+/// What went wrong. `Display` is one line: subject, problem, remedy.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Something the user gave: unreadable input, a wrong value, an output that cannot be written.
+    #[error("{subject}: {problem}; {remedy}")]
+    Input {
+        /// The file, flag or `file: field` it is about.
+        subject: String,
+        /// What is wrong with it.
+        problem: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// No Vulkan device that this program can run on.
+    #[error("no usable Vulkan device: {problem}; {remedy}")]
+    NoDevice {
+        /// Why each candidate was refused.
+        problem: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A Vulkan call failed; `during` names the call and the pass or resource it was for.
+    #[error("Vulkan: {during}: {result:?}")]
+    Vulkan {
+        /// The call, and the pass or resource it was for.
+        during: String,
+        /// The driver's answer.
+        result: ash::vk::Result,
+    },
+    /// A fault of this program: a shader and its declaration disagree, a barrier is missing.
+    #[error("internal: {0}")]
+    Internal(String),
+}
+
+/// Shorthand for results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// An [`Error::Input`].
+    pub fn input(subject: impl ToString, problem: impl ToString, remedy: impl ToString) -> Self {
+        Self::Input { subject: subject.to_string(), problem: problem.to_string(), remedy: remedy.to_string() }
+    }
+
+    /// The process exit status for this error: 2 for what the user gave, 3 for no device, 1 for the rest.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Input { .. } => 2,
+            Self::NoDevice { .. } => 3,
+            Self::Vulkan { .. } | Self::Internal(_) => 1,
+        }
+    }
+}

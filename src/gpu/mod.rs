@@ -1,0 +1,2 @@
+//! Vulkan: device, memory, passes, timing. Knows nothing of panoramas.
+pub mod layout;

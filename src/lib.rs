@@ -1,0 +1,11 @@
+//! `iprt`: virtual objects in 360° RGBD video, lit by the video itself.
+
+pub mod error;
+#[macro_use]
+pub mod gpu;
+pub mod scene;
+pub use error::{Error, Result};
+/// SPIR-V of every pass, compiled by `build.rs`.
+pub mod shaders {
+    include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+}

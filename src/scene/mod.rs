@@ -1,0 +1,2 @@
+//! What is shown: scene file, objects, materials, BVH, camera, animation.
+pub mod packed;

@@ -1,0 +1,94 @@
+//! The scene as the shaders read it (scalar block layout): triangles in BVH leaf order, two-level BVH, materials,
+//! texels. `shaders/glsl/scene.glsl` declares the same structs.
+
+use crate::gpu_struct;
+use glam::{Vec2, Vec3, Vec4};
+
+/// "None" for texture and node indices.
+pub const NONE: u32 = u32::MAX;
+
+gpu_struct! {
+    /// A triangle for intersection: first corner and the two edges from it, object space, metres.
+    pub struct TriangleGeometry { pub v0: Vec3, pub e1: Vec3, pub e2: Vec3 }
+}
+gpu_struct! {
+    /// What shading needs of the same triangle: absolute vertex indices and its material.
+    pub struct TriangleShading { pub v0: u32, pub v1: u32, pub v2: u32, pub material: u32 }
+}
+gpu_struct! {
+    /// A vertex; `tangent.w` is the bitangent's sign, as in glTF; zero tangent: no normal mapping.
+    pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: Vec4 }
+}
+gpu_struct! {
+    /// A node of a binary BVH holding both children's boxes. `count == 0`: `child` is a node (absolute index), or
+    /// [`NONE`] with an inverted box (min = +inf, max = -inf) where there is no such child; `count > 0`: a leaf,
+    /// `child` the first triangle (bottom level) or the instance (top level, count 1).
+    pub struct BvhNode {
+        pub min0: Vec3, pub child0: u32, pub max0: Vec3, pub count0: u32,
+        pub min1: Vec3, pub child1: u32, pub max1: Vec3, pub count1: u32,
+    }
+}
+gpu_struct! {
+    /// One placed mesh. Matrices are three rows of an affine 3×4 matrix.
+    pub struct Instance {
+        pub object_to_world: [Vec4; 3],
+        pub world_to_object: [Vec4; 3],
+        /// Of the previous frame, for motion vectors.
+        pub previous_object_to_world: [Vec4; 3],
+        /// Root of the bottom-level BVH.
+        pub root: u32,
+        /// Identifies the instance in the G-buffer, 1-based and stable over frames (0 is the real scene).
+        pub id: u32,
+        pub padding: [u32; 2],
+    }
+}
+gpu_struct! {
+    /// glTF 2.0 metallic–roughness with KHR_materials_emissive_strength, _specular and _ior; factors linear.
+    pub struct Material {
+        pub base_color: Vec3, pub metallic: f32,
+        /// Emitted radiance.
+        pub emissive: Vec3, pub roughness: f32,
+        pub specular_color: Vec3, pub specular: f32,
+        pub ior: f32, pub normal_scale: f32,
+        /// Bit 0: double sided.
+        pub flags: u32,
+        /// Indices of [`Texture`] or [`NONE`].
+        pub base_color_texture: u32, pub metallic_roughness_texture: u32, pub normal_texture: u32, pub emissive_texture: u32,
+        pub specular_texture: u32, pub specular_color_texture: u32,
+    }
+}
+gpu_struct! {
+    /// A texture: RGBA8 texels (R in the low byte) in the texel buffer, its mip levels one after another, each
+    /// `max(1, size >> level)`.
+    pub struct Texture {
+        /// First texel of level 0.
+        pub offset: u32, pub width: u32, pub height: u32, pub levels: u32,
+        /// 0 repeat, 1 mirrored repeat, 2 clamp to edge.
+        pub wrap_u: u32, pub wrap_v: u32,
+        /// 1: texels are sRGB-encoded and are decoded before filtering (mips were averaged in linear).
+        pub srgb: u32,
+        /// 1: nearest magnification.
+        pub nearest: u32,
+    }
+}
+
+/// All that does not change from frame to frame, and the instances and top level that do.
+#[derive(Clone, Debug, Default)]
+pub struct PackedScene {
+    pub triangles: Vec<TriangleGeometry>,
+    pub shading: Vec<TriangleShading>,
+    pub vertices: Vec<Vertex>,
+    /// Bottom-level nodes of all meshes.
+    pub nodes: Vec<BvhNode>,
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+    pub texels: Vec<u32>,
+}
+
+/// What changes from frame to frame: the instances and the top-level BVH over them (node 0 is its root; empty with no
+/// instance). `child` of top-level inner nodes is an index into `nodes` here.
+#[derive(Clone, Debug, Default)]
+pub struct PackedInstances {
+    pub instances: Vec<Instance>,
+    pub nodes: Vec<BvhNode>,
+}
