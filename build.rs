@@ -31,10 +31,20 @@ fn main() {
         let stem = path.file_stem().expect("a file name").to_string_lossy().into_owned();
         let source = fs::read_to_string(path).expect("a readable shader");
         let spirv = compiler
-            .compile_into_spirv(&source, shaderc::ShaderKind::Compute, &path.display().to_string(), "main", Some(&options))
+            .compile_into_spirv(
+                &source,
+                shaderc::ShaderKind::Compute,
+                &path.display().to_string(),
+                "main",
+                Some(&options),
+            )
             .unwrap_or_else(|error| panic!("{error}"));
         let words: Vec<String> = spirv.as_binary().iter().map(|word| format!("{word:#x}")).collect();
-        table += &format!("/// SPIR-V of `shaders/glsl/{stem}.comp`.\npub const {}: &[u32] = &[{}];\n", stem.to_uppercase(), words.join(","));
+        table += &format!(
+            "/// SPIR-V of `shaders/glsl/{stem}.comp`.\npub const {}: &[u32] = &[{}];\n",
+            stem.to_uppercase(),
+            words.join(",")
+        );
     }
     fs::write(out.join("shaders.rs"), table).expect("OUT_DIR is writable");
 }

@@ -2,7 +2,7 @@
 //! texels. `shaders/glsl/scene.glsl` declares the same structs.
 
 use crate::gpu_struct;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec3};
 
 /// "None" for texture and node indices.
 pub const NONE: u32 = u32::MAX;
@@ -17,7 +17,7 @@ gpu_struct! {
 }
 gpu_struct! {
     /// A vertex; `tangent.w` is the bitangent's sign, as in glTF; zero tangent: no normal mapping.
-    pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: Vec4 }
+    pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: [f32; 4] }
 }
 gpu_struct! {
     /// A node of a binary BVH holding both children's boxes. `count == 0`: `child` is a node (absolute index), or
@@ -31,10 +31,10 @@ gpu_struct! {
 gpu_struct! {
     /// One placed mesh. Matrices are three rows of an affine 3×4 matrix.
     pub struct Instance {
-        pub object_to_world: [Vec4; 3],
-        pub world_to_object: [Vec4; 3],
+        pub object_to_world: [[f32; 4]; 3],
+        pub world_to_object: [[f32; 4]; 3],
         /// Of the previous frame, for motion vectors.
-        pub previous_object_to_world: [Vec4; 3],
+        pub previous_object_to_world: [[f32; 4]; 3],
         /// Root of the bottom-level BVH.
         pub root: u32,
         /// Identifies the instance in the G-buffer, 1-based and stable over frames (0 is the real scene).
