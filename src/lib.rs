@@ -1,5 +1,6 @@
 //! `iprt`: virtual objects in 360° RGBD video, lit by the video itself.
 
+pub mod cli;
 pub mod error;
 #[macro_use]
 pub mod gpu;
