@@ -5,9 +5,9 @@ use std::process::ExitCode;
 use clap::Parser;
 
 fn main() -> ExitCode {
-    let cli = iprt::cli::Cli::parse();
     // SAFETY: no thread has been started.
-    match unsafe { cli.run() } {
+    unsafe { iprt::gpu::validation::enable_submit_checks() };
+    match iprt::cli::Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("iprt: {error}");
