@@ -1,8 +1,11 @@
 //! `iprt`: virtual objects in 360° RGBD video, lit by the video itself.
 
+pub mod cli;
 pub mod error;
 #[macro_use]
 pub mod gpu;
+pub mod image_file;
+pub mod panorama;
 pub mod scene;
 pub use error::{Error, Result};
 /// SPIR-V of every pass, compiled by `build.rs`.
