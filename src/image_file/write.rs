@@ -56,8 +56,8 @@ fn write_error(path: &Path, error: &impl ToString) -> Error {
 
 /// The 8-bit sRGB code of a linear value, clipped to 0..1; NaN is 0.
 pub fn display_code(linear: f32) -> u8 {
-    // `max` first: it turns NaN into 0.
-    (linear_to_srgb(linear.max(0.0).min(1.0)) * 255.0 + 0.5) as u8
+    // The cast turns NaN into 0.
+    (linear_to_srgb(linear.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8
 }
 
 /// Writes linear radiance as it is displayed: sRGB(clip(exposure · L)), 8 bits a channel, alpha left out.

@@ -199,10 +199,9 @@ impl Tree {
     /// hold `leaf(first of the run in order)`. Nothing where the tree is empty.
     pub fn pack(&self, first_node: u32, leaf: impl Fn(u32) -> u32) -> Vec<BvhNode> {
         let mut packed_index = vec![NONE; self.nodes.len()];
-        let mut inner = 0;
-        for (index, _) in self.nodes.iter().enumerate().filter(|(_, node)| node.count == 0) {
-            packed_index[index] = first_node + inner;
-            inner += 1;
+        let inner = (0..self.nodes.len()).filter(|index| self.nodes[*index].count == 0);
+        for (index, packed) in inner.zip(first_node..) {
+            packed_index[index] = packed;
         }
         let side = |index: u32| {
             let node = &self.nodes[index as usize];

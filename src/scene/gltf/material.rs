@@ -13,7 +13,7 @@ use ::gltf::{
     texture::{Info, MagFilter, WrappingMode},
 };
 use glam::{Mat2, Vec2, Vec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, hash_map::Entry};
 
 /// Which texture coordinates a material uses, and how it moves them: KHR_texture_transform, baked into the vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -159,10 +159,10 @@ impl Materials {
             return Err(file.broken(format!("texture {index} does not exist")));
         };
         let image = source.source().index();
-        if !self.images.contains_key(&image) {
-            self.images.insert(image, resource::image(file, image)?);
-        }
-        let (size, texels) = &self.images[&image];
+        let (size, texels) = match self.images.entry(image) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(resource::image(file, image)?),
+        };
         let wrap = |mode: WrappingMode| match mode {
             WrappingMode::Repeat => Wrap::Repeat,
             WrappingMode::MirroredRepeat => Wrap::MirroredRepeat,

@@ -18,7 +18,10 @@ use super::{
     model::{Local, Model, Node, Rig},
 };
 use crate::{Error, Result, image_file::read};
-use ::gltf::json;
+use ::gltf::json::{
+    self,
+    validation::{Checked, Validate as _},
+};
 use glam::{Affine3A, Mat4, Quat, Vec3};
 use std::{collections::BTreeSet, path::Path};
 
@@ -53,18 +56,38 @@ fn parse(bytes: &[u8], subject: &str) -> Result<::gltf::Gltf> {
             return Err(broken("the GLB header states a length that does not fit the file"));
         }
     }
-    ::gltf::Gltf::from_slice(bytes).map_err(|error| match error {
+    let gltf = ::gltf::Gltf::from_slice_without_validation(bytes).map_err(|error| match error {
         ::gltf::Error::Deserialize(error) => broken(&format!("is not glTF: {}", read::one_line(&error))),
-        ::gltf::Error::Validation(errors) => {
-            let (path, error) = match errors.first() {
-                Some((path, error)) => (path.to_string(), error.to_string()),
-                None => (String::new(), "invalid".into()),
-            };
-            let more = if errors.len() > 1 { format!(" (and {} more)", errors.len() - 1) } else { String::new() };
-            broken(&format!("{}: {}{more}", read::one_line(&path), error.to_lowercase()))
-        }
         other => broken(&format!("is not glTF: {}", read::one_line(&other))),
-    })
+    })?;
+    validate(gltf.document.as_json(), &broken)?;
+    Ok(gltf)
+}
+
+/// The glTF crate's validation, but for what is allowed, or missing and not needed.
+fn validate(root: &json::Root, broken: &dyn Fn(&str) -> Error) -> Result<()> {
+    // The crate's check of positions indexes the accessors before it has checked the index.
+    let position = Checked::Valid(::gltf::Semantic::Positions);
+    for (index, mesh) in root.meshes.iter().enumerate() {
+        let mut positions = mesh.primitives.iter().filter_map(|primitive| primitive.attributes.get(&position));
+        if positions.any(|accessor| accessor.value() >= root.accessors.len()) {
+            return Err(broken(&format!("mesh {index}: its POSITION accessor does not exist")));
+        }
+    }
+    let mut problems = Vec::new();
+    root.validate(root, json::Path::new, &mut |path, error| {
+        let path = path();
+        let needless = error == json::validation::Error::Missing
+            && [".bufferView", ".POSITION", ".min", ".max"].iter().any(|end| path.as_str().ends_with(end));
+        if !needless {
+            problems.push(format!("{}: {}", read::one_line(&path), error.to_string().to_lowercase()));
+        }
+    });
+    match problems.as_slice() {
+        [] => Ok(()),
+        [only] => Err(broken(only)),
+        [first, rest @ ..] => Err(broken(&format!("{first} (and {} more)", rest.len()))),
+    }
 }
 
 /// A file while it is being read.
