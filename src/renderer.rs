@@ -11,6 +11,7 @@ use crate::{
         gbuffer::Gbuffer,
         interpolate::Interpolate,
         irradiance::{Irradiance, Relight},
+        light_table::LightTable,
         normals::Normals,
         panorama::Panorama,
         radiance_pyramid::RadiancePyramid,
@@ -48,6 +49,7 @@ pub struct Renderer {
     radiance_pyramid: RadiancePyramid,
     normals: Normals,
     depth_pyramid: DepthPyramid,
+    light_table: LightTable,
     gbuffer: [Gbuffer; 2],
     sampling_mask: SamplingMask,
     irradiance: Irradiance,
@@ -101,6 +103,7 @@ impl Renderer {
             radiance_pyramid: RadiancePyramid::new(gpu)?,
             normals: Normals::new(gpu)?,
             depth_pyramid: DepthPyramid::new(gpu)?,
+            light_table: LightTable::new(gpu)?,
             gbuffer: [Gbuffer::new(gpu, false)?, Gbuffer::new(gpu, true)?],
             sampling_mask: SamplingMask::new(gpu)?,
             irradiance: Irradiance::new(gpu)?,
@@ -154,6 +157,7 @@ impl Renderer {
         self.normals.record(frame, &self.panorama, view, self.quantisation, self.options.settings.normal_radius)?;
         frame.barrier("depth_pyramid bounds the depth that normals wrote");
         self.depth_pyramid.record(frame, &self.panorama, view)?;
+        self.light_table.record(frame, &self.panorama, view)?;
         frame.barrier("all passes read the prepared panorama");
         Ok(())
     }
@@ -338,6 +342,23 @@ impl Renderer {
     /// The picture: linear radiance, RGBA, row 0 at the top.
     pub fn picture(&self) -> Result<Vec<[f32; 4]>> {
         self.aov("radiance")
+    }
+
+    /// Standard error of the accumulated irradiance, relative to its mean: the root of the mean variance of each pixel's mean over
+    /// the mean luminance, real surfaces' change and virtual surfaces' lobes together.
+    pub fn standard_error(&self) -> Result<f64> {
+        let image = |name: &str| self.picture.resources.image(name).ok_or_else(|| Error::Internal(format!("no image {name}")));
+        let (mut variance, mut mean) = (0.0, 0.0);
+        for layer in 0..2 {
+            for name in ["a", "b"] {
+                for [r, g, b, v] in self.gpu.read_image(image(name)?, layer)? {
+                    variance += f64::from(v.max(0.0));
+                    mean += f64::from(0.2126 * r + 0.7152 * g + 0.0722 * b).abs();
+                }
+            }
+        }
+        let pixels = f64::from(self.options.size[0]) * f64::from(self.options.size[1]);
+        Ok(if mean > 0.0 { (variance / pixels).sqrt() / (mean / pixels) } else { 0.0 })
     }
 
     /// Names of all that [`Renderer::aov`] gives.

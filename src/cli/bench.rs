@@ -1,7 +1,7 @@
 //! `iprt bench`: GPU time of every pass.
 
 use super::common::{PictureArgs, parse_frames, progress};
-use crate::{Error, Result, image_file::write_bytes, measure::bench, renderer::Renderer};
+use crate::{Error, Result, image_file::write::write_bytes, measure::bench, renderer::Renderer};
 use std::path::PathBuf;
 
 /// Arguments of `iprt bench`.

@@ -118,10 +118,7 @@ impl PictureArgs {
 
 /// The built-in scene where none is named, a built-in room by name, or a scene file.
 pub fn open_scene(name: Option<&str>, quiet: bool) -> Result<Scene> {
-    let name = name.unwrap_or(crate::scene::rooms::DEFAULT);
-    if crate::scene::rooms::NAMES.contains(&name) {
-        return crate::reference::capture::built_in(name, quiet);
-    }
+let _ = quiet; let name = name.unwrap_or("apartment");
     Scene::load(Path::new(name))
 }
 

@@ -1,7 +1,12 @@
 //! The command line: one file a subcommand, each with `Args` and a `run` that calls the crate's public API. A new
 //! subcommand is a file here, a variant of [`Command`] and its arm in `run`.
 
+pub mod bench;
+pub mod check;
+pub mod common;
 pub mod devices;
+pub mod reference;
+pub mod render;
 
 use std::io::{self, Write};
 
@@ -24,6 +29,14 @@ pub struct Cli {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Render pictures
+    Render(render::Args),
+    /// Measure the GPU time of every pass
+    Bench(bench::Args),
+    /// Render the converged picture of the method's model
+    Reference(reference::Args),
+    /// Report every problem of a scene
+    Check(check::Args),
     /// List Vulkan devices, their drivers, and which are usable or why not
     Devices(devices::Args),
 }
@@ -31,6 +44,10 @@ pub enum Command {
 impl Command {
     fn run(self) -> Result<()> {
         match self {
+            Self::Render(args) => render::run(&args),
+            Self::Bench(args) => bench::run(&args),
+            Self::Reference(args) => reference::run(&args),
+            Self::Check(args) => check::run(&args),
             Self::Devices(args) => devices::run(&args),
         }
     }

@@ -3,7 +3,7 @@
 use super::common::{PictureArgs, parse_frames, progress};
 use crate::{
     Error, Result,
-    image_file::{ExrLayer, write_display, write_exr},
+    image_file::{ExrLayer, write::{write_display, write_exr}},
     measure::bench,
     renderer::Renderer,
     scene::Scene,

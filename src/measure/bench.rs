@@ -11,8 +11,8 @@ use serde::Serialize;
 use std::{collections::BTreeMap, fmt::Write, time::Instant};
 
 /// Pass names in frame order.
-pub const PASSES: [&str; 11] = [
-    "radiance_pyramid", "normals", "depth_pyramid", "relight", "gbuffer", "sampling_mask", "irradiance", "interpolate", "temporal", "atrous",
+pub const PASSES: [&str; 12] = [
+    "radiance_pyramid", "normals", "depth_pyramid", "light_table", "relight", "gbuffer", "sampling_mask", "irradiance", "interpolate", "temporal", "atrous",
     "composite",
 ];
 
