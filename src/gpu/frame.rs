@@ -129,7 +129,13 @@ impl Gpu {
     /// # Errors
     /// None at present; recording may come to need device objects.
     pub fn frame(&self) -> Result<Frame> {
-        Ok(Frame { gpu: self.clone(), commands: Vec::new(), scopes: Vec::new(), skipped_barrier: None, ignore_hazards: false })
+        Ok(Frame {
+            gpu: self.clone(),
+            commands: Vec::new(),
+            scopes: Vec::new(),
+            skipped_barrier: None,
+            ignore_hazards: false,
+        })
     }
 }
 
