@@ -1,8 +1,9 @@
 //! The scene file, as written: TOML to plain values, with everything that is wrong reported at once.
 //!
 //! Paths are relative to the file; `$NAME` and `${NAME}` come from the environment. Unknown keys are errors that name the
-//! nearest known one. `frames = [a, b]` includes both; a third number is a step. `rotation` is XYZ Euler angles in degrees
-//! (the matrix Rx·Ry·Rz) or a quaternion [x, y, z, w]. See [`super::file_panorama`] for `[panorama]`.
+//! nearest known one. `frames = [a, b]` includes both; a third number is a step; a `%d` pattern without `frames` takes every
+//! file that fits it, in order. `rotation` is XYZ Euler angles in degrees
+//! (the matrix Rx·Ry·Rz) or a quaternion [x, y, z, w].
 
 use super::{
     animation::{Placement, Track, Transform},
