@@ -1,2 +1,6 @@
 //! The command line, one file per subcommand.
+pub mod bench;
 pub mod check;
+pub mod common;
+pub mod reference;
+pub mod render;
