@@ -44,7 +44,7 @@ fn compile(sources: &str, table_name: &str) {
                 Some(&options),
             )
             .unwrap_or_else(|error| panic!("{error}"));
-        let words: Vec<String> = spirv.as_binary().iter().map(|word| format!("{word:#x}")).collect();
+        let words: Vec<String> = without_source(spirv.as_binary()).iter().map(|word| format!("{word:#x}")).collect();
         table += &format!(
             "/// SPIR-V of `{sources}/{stem}.comp`.\npub const {}: &[u32] = &[{}];\n",
             stem.to_uppercase(),
@@ -52,4 +52,21 @@ fn compile(sources: &str, table_name: &str) {
         );
     }
     fs::write(out.join(table_name), table).expect("OUT_DIR is writable");
+}
+
+/// Leaves out the source text and line numbers that come with debug information; names of bindings and members stay.
+fn without_source(spirv: &[u32]) -> Vec<u32> {
+    const HEADER: usize = 5;
+    // OpSourceContinued, OpSource, OpSourceExtension, OpString, OpLine, OpNoLine, OpModuleProcessed
+    const DROPPED: [u32; 7] = [2, 3, 4, 7, 8, 317, 330];
+    let mut kept = spirv[..HEADER].to_vec();
+    let mut at = HEADER;
+    while at < spirv.len() {
+        let (length, opcode) = ((spirv[at] >> 16) as usize, spirv[at] & 0xffff);
+        if !DROPPED.contains(&opcode) {
+            kept.extend_from_slice(&spirv[at..at + length]);
+        }
+        at += length;
+    }
+    kept
 }

@@ -191,3 +191,135 @@ fn animated_nodes_move() {
     assert!(moved.clone().all(|(a, b)| a.id == b.id));
     assert!(later.instances.instances.iter().any(|i| i.object_to_world != i.previous_object_to_world));
 }
+
+/// A glTF file with these top-level members beside `asset`.
+fn inline(members: &str) -> Result<(Model, Vec<String>), String> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("inline.gltf");
+    std::fs::write(&path, format!(r#"{{"asset":{{"version":"2.0"}},{members}}}"#)).expect("written");
+    gltf::load(&path).map_err(|error| error.to_string())
+}
+
+/// A triangle, with room for changes.
+fn triangle(buffer: &str, accessor: &str, material: &str) -> String {
+    format!(
+        r#""scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}{material}}}]}}],
+        "buffers":[{{"byteLength":36,"uri":"{buffer}"}}],"bufferViews":[{{"buffer":0,"byteLength":36}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"type":"VEC3","min":[0,0,0],"max":[1,1,0],{accessor}}}]"#
+    )
+}
+
+const TRIANGLE: &str = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+
+#[test]
+fn hostile_files_are_refused() {
+    let (model, _) = inline(&triangle(TRIANGLE, r#""count":3"#, "")).expect("a good file");
+    assert_eq!(model.meshes[0].positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    for (members, words) in [
+        (triangle("http://example.com/a.bin", r#""count":3"#, ""), "not a file beside"),
+        (triangle("file:///etc/passwd", r#""count":3"#, ""), "not a file beside"),
+        (triangle("/dev/zero", r#""count":3"#, ""), "no relative path"),
+        (triangle("absent%20name.bin", r#""count":3"#, ""), "absent name.bin"),
+        (triangle("data:application/octet-stream;base64,AAA", r#""count":3"#, ""), "buffer 0"),
+        (triangle("data:text/plain,hello", r#""count":3"#, ""), "not base64"),
+        (triangle("data:application/octet-stream;base64,AAAA", r#""count":3"#, ""), "says it has 36 bytes"),
+        (triangle(TRIANGLE, r#""count":4"#, ""), "beyond its buffer view"),
+        (triangle(TRIANGLE, r#""count":18446744073709551615"#, ""), "beyond its buffer view"),
+        (triangle(TRIANGLE, r#""count":3,"byteOffset":18446744073709551615"#, ""), "beyond its buffer view"),
+        (triangle(TRIANGLE, r#""count":3"#, r#","material":7"#), "index out of bounds"),
+        (triangle(TRIANGLE, r#""count":3"#, r#","indices":0"#), "whole numbers"),
+        (r#""extensionsRequired":["EXT_nonsense"],"extensionsUsed":["EXT_nonsense"]"#.into(), "EXT_nonsense"),
+        (r#""nodes":[{"children":[1]},{"children":[0]}],"scenes":[{"nodes":[0]}]"#.into(), "own ancestor"),
+        (r#""nodes":[{"rotation":[0,0,0,0]}],"scenes":[{"nodes":[0]}]"#.into(), "rotation"),
+        (
+            r#""accessors":[{"componentType":5126,"type":"VEC3","count":4000000000}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[{"mesh":0}],"scenes":[{"nodes":[0]}]"#.into(),
+            "says it has 4000000000",
+        ),
+    ] {
+        let line = inline(&members).expect_err(words);
+        assert!(line.contains(words) && !line.contains('\n'), "{words}: {line}");
+    }
+    let bad_material = |material: &str| {
+        let members = triangle(TRIANGLE, r#""count":3"#, r#","material":0"#);
+        inline(&format!(r#"{members},"materials":[{material}]"#)).expect_err(material)
+    };
+    for material in [
+        r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":9}}}"#,
+        r#"{"extensions":{"KHR_materials_specular":{"specularTexture":{"index":9}}}}"#,
+        r#"{"extensions":{"KHR_materials_specular":{"specularColorTexture":{"index":9}}}}"#,
+        r#"{"extensions":{"KHR_materials_transmission":{"transmissionTexture":{"index":9}}}}"#,
+        r#"{"normalTexture":{"index":9}}"#,
+        r#"{"pbrMetallicRoughness":{"metallicFactor":7}}"#,
+    ] {
+        assert!(!bad_material(material).contains('\n'));
+    }
+}
+
+#[test]
+fn wide_and_deep_hierarchies_neither_hang_nor_overflow() {
+    let nodes: Vec<String> = (0..100_000).map(|i| format!(r#"{{"children":[{}]}}"#, i + 1)).collect();
+    let (model, _) =
+        inline(&format!(r#""nodes":[{},{{}}],"scenes":[{{"nodes":[0]}}]"#, nodes.join(","))).expect("loads");
+    assert_eq!(model.rig.nodes.len(), 100_001);
+    assert_eq!(model.rig.node_matrices(None).len(), 100_001);
+}
+
+#[test]
+fn meshes_used_twice_are_packed_once() {
+    let members = triangle(TRIANGLE, r#""count":3"#, "").replace(
+        r#""nodes":[0]}],"nodes":[{"mesh":0}]"#,
+        r#""nodes":[0]}],"nodes":[{"mesh":0,"children":[1]},{"mesh":0,"translation":[0,0,5]}]"#,
+    );
+    let scene = scene_of(inline(&members).expect("loads").0);
+    assert_eq!((scene.packed.triangles.len(), scene.instance_count()), (1, 2));
+    let instances = scene.at(0.0, 0.0).instances.instances;
+    assert_eq!(instances[0].root, instances[1].root);
+    assert_eq!((instances[1].id, instances[1].object_to_world[2][3]), (2, 5.0));
+}
+
+/// Flipped bytes in real files: an error or a model, never a panic.
+#[test]
+fn mutated_files_never_panic() {
+    let mut seed = 1_u64;
+    let mut random = |below: usize| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as usize % below
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut refused = 0;
+    for source in [
+        "BoxInterleaved/BoxInterleaved.glb",
+        "BoxVertexColors/BoxVertexColors.glb",
+        "BoxAnimated/BoxAnimated.gltf",
+        "SimpleSparseAccessor/SimpleSparseAccessor.gltf",
+        "SimpleMorph/SimpleMorph.gltf",
+    ] {
+        let source = data("gltf").join(source);
+        for entry in std::fs::read_dir(source.parent().expect("a folder")).expect("read") {
+            let entry = entry.expect("an entry").path();
+            std::fs::copy(&entry, folder.path().join(entry.file_name().expect("a name"))).expect("copied");
+        }
+        let whole = std::fs::read(&source).expect("read");
+        let path = folder.path().join("mutated").with_extension(source.extension().expect("one"));
+        for _ in 0..400 {
+            let mut bytes = whole.clone();
+            for _ in 0..1 + random(4) {
+                let at = random(bytes.len());
+                bytes[at] = match random(3) {
+                    0 => b'0' + random(10) as u8,
+                    1 => bytes[at] ^ (1 << random(8)),
+                    _ => random(256) as u8,
+                };
+            }
+            if random(8) == 0 {
+                bytes.truncate(random(bytes.len()));
+            }
+            std::fs::write(&path, &bytes).expect("written");
+            let outcome =
+                catch_unwind(AssertUnwindSafe(|| gltf::load(&path).map(|(model, _)| scene_of(model)).is_err()));
+            refused += usize::from(outcome.unwrap_or_else(|_| panic!("panicked on {}", path.display())));
+        }
+    }
+    assert!(refused > 400, "{refused}");
+}

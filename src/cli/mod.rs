@@ -39,6 +39,14 @@ pub enum Command {
     Check(check::Args),
     /// List Vulkan devices, their drivers, and which are usable or why not
     Devices(devices::Args),
+    /// Render pictures to files
+    Render(render::Args),
+    /// Measure the GPU time of every pass
+    Bench(bench::Args),
+    /// Render the converged picture of the method's own model
+    Reference(reference::Args),
+    /// Report every problem of a scene at once
+    Check(check::Args),
 }
 
 impl Command {
@@ -49,6 +57,10 @@ impl Command {
             Self::Reference(args) => reference::run(&args),
             Self::Check(args) => check::run(&args),
             Self::Devices(args) => devices::run(&args),
+            Self::Render(args) => render::run(&args),
+            Self::Bench(args) => bench::run(&args),
+            Self::Reference(args) => reference::run(&args),
+            Self::Check(args) => check::run(&args),
         }
     }
 }

@@ -197,12 +197,18 @@ impl Raster {
                 })
                 .collect()
         };
+        let decoded = |largest: u16| -> Vec<f32> {
+            (0..=largest).map(|code| srgb_to_linear(f32::from(code) / f32::from(largest))).collect()
+        };
         let (texels, ldr) = match &self.samples {
             Samples::U8(codes) => {
-                let table: Vec<f32> = (0..256).map(|code| srgb_to_linear(code as f32 / 255.0)).collect();
+                let table = decoded(255);
                 (gather(&|i| table[usize::from(codes[i])], codes.len()), true)
             }
-            Samples::U16(codes) => (gather(&|i| srgb_to_linear(f32::from(codes[i]) / 65535.0), codes.len()), true),
+            Samples::U16(codes) => {
+                let table = decoded(65535);
+                (gather(&|i| table[usize::from(codes[i])], codes.len()), true)
+            }
             Samples::F32(values) => (gather(&|i| values[i], values.len()), false),
         };
         ColorImage { size: self.size, texels, ldr }

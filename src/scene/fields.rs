@@ -60,6 +60,11 @@ impl<'a> Fields<'a> {
         if self.name.is_empty() { key.to_owned() } else { format!("{}.{key}", self.name) }
     }
 
+    /// The file and the dotted path of `key`, as errors and warnings name it.
+    pub fn subject(&self, key: &str) -> String {
+        format!("{}: {}", self.report.file.display(), self.path(key))
+    }
+
     /// Reports a problem of `key`.
     pub fn complain(&self, key: &str, problem: impl ToString, remedy: impl ToString) {
         self.report.add(&self.path(key), problem, remedy);

@@ -1,8 +1,9 @@
 //! The scene file, as written: TOML to plain values, with everything that is wrong reported at once.
 //!
 //! Paths are relative to the file; `$NAME` and `${NAME}` come from the environment. Unknown keys are errors that name the
-//! nearest known one. `frames = [a, b]` includes both; a third number is a step. `rotation` is XYZ Euler angles in degrees
-//! (the matrix Rx·Ry·Rz) or a quaternion [x, y, z, w]. See [`super::file_panorama`] for `[panorama]`.
+//! nearest known one. `frames = [a, b]` includes both; a third number is a step; a `%d` pattern without `frames` takes every
+//! file that fits it, in order. `rotation` is XYZ Euler angles in degrees
+//! (the matrix Rx·Ry·Rz) or a quaternion [x, y, z, w].
 
 use super::{
     animation::{Placement, Track, Transform},
@@ -109,11 +110,8 @@ pub fn parse(path: &Path, text: &str) -> Result<SceneFile, Vec<Error>> {
     };
     let start = panorama.as_ref().map_or(Vec3::ZERO, |panorama| panorama.position);
     let camera = root.table("camera", &CAMERA_KEYS).map(|fields| read_camera(&fields, start));
-    let objects: Vec<_> = root
-        .tables("object", OBJECT_KEYS)
-        .iter()
-        .filter_map(|fields| read_object(fields, path, &mut warnings))
-        .collect();
+    let objects: Vec<_> =
+        root.tables("object", OBJECT_KEYS).iter().filter_map(|fields| read_object(fields, &mut warnings)).collect();
     let room = root.table("room", &["gltf"]).and_then(|fields| {
         if !fields.has("gltf") {
             fields.complain("gltf", "is missing", "name the glTF file of the true room");
@@ -230,7 +228,7 @@ fn key_time(key: &Fields) -> Option<f64> {
 const OBJECT_KEYS: &[&str] =
     &["name", "gltf", "shape", "size", "translation", "rotation", "scale", "clip", "speed", "material", "key"];
 
-fn read_object(fields: &Fields, file: &Path, warnings: &mut Vec<String>) -> Option<ObjectSpec> {
+fn read_object(fields: &Fields, warnings: &mut Vec<String>) -> Option<ObjectSpec> {
     let shape = fields.word("shape", &Shape::NAMES).map(|index| Shape::ALL[index]);
     let gltf = fields.file_path("gltf");
     if fields.has("gltf") == fields.has("shape") {
@@ -253,7 +251,7 @@ fn read_object(fields: &Fields, file: &Path, warnings: &mut Vec<String>) -> Opti
         }
     }
     let known = ["base_color", "metallic", "roughness", "specular", "transmission", "ior", "emissive"];
-    let material = fields.table("material", &known).map(|material| read_material(&material, file, warnings));
+    let material = fields.table("material", &known).map(|material| read_material(&material, warnings));
     let placement = read_placement(fields);
     let clip = fields.string("clip").map(str::to_owned);
     let speed = fields.number("speed").unwrap_or(1.0);
@@ -272,7 +270,7 @@ fn read_object(fields: &Fields, file: &Path, warnings: &mut Vec<String>) -> Opti
     Some(ObjectSpec { name, source, placement, clip, speed, material })
 }
 
-fn read_material(fields: &Fields, file: &Path, warnings: &mut Vec<String>) -> MaterialOverride {
+fn read_material(fields: &Fields, warnings: &mut Vec<String>) -> MaterialOverride {
     let part = |key: &str| fields.number_in(key, "from 0 to 1", |v| (0.0..=1.0).contains(&v)).map(|v| v as f32);
     let color = |key: &str, most: f64| {
         let values = fields.vector(key)?;
@@ -283,8 +281,8 @@ fn read_material(fields: &Fields, file: &Path, warnings: &mut Vec<String>) -> Ma
         Some(vec3(values))
     };
     if part("transmission").is_some_and(|transmission| transmission > 0.0) {
-        let name = fields.path("transmission");
-        warnings.push(format!("{}: {name}: transmission is not supported yet; drawn opaque", file.display()));
+        let subject = fields.subject("transmission");
+        warnings.push(format!("{subject}: transmission is not supported yet: drawn opaque"));
     }
     MaterialOverride {
         base_color: color("base_color", 1.0),

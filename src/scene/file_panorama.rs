@@ -54,7 +54,7 @@ pub(super) fn read_panorama(fields: &Fields, warnings: &mut Vec<String>) -> Opti
     let any_pattern =
         color.as_deref().is_some_and(patterned) || matches!(&depth, Some(DepthSource::Files(path)) if patterned(path));
     if frames.is_some() && color.is_some() && !any_pattern {
-        warnings.push(format!("{}: has no effect, as color is no %d pattern", fields.path("frames")));
+        warnings.push(format!("{}: has no effect, as color is no %d pattern", fields.subject("frames")));
     }
     let encoding = match fields.word("encoding", &["radial", "disparity", "planar"]) {
         Some(1) => Encoding::Disparity,

@@ -23,12 +23,12 @@ impl Scene {
     /// The first problem; [`Scene::problems`] finds all.
     pub fn load(path: &Path) -> Result<Self> {
         let file = file::read_scene_file(path).map_err(first)?;
-        let mut loader = Loader::default();
+        let mut loader = Loader::new(path);
         let objects = file.objects.iter().map(|object| loader.object(object)).collect::<Result<Vec<_>>>()?;
         if let Some(room) = &file.room
             && !room.is_file()
         {
-            return Err(missing_room(path, room));
+            return Err(missing(path, "room.gltf", room));
         }
         let panorama = PanoramaSource::open(file.panorama.clone())?;
         assemble(file, panorama, objects, loader.warnings)
@@ -41,7 +41,7 @@ impl Scene {
             Err(problems) => return (problems, Vec::new()),
         };
         let (mut problems, mut warnings) = (Vec::new(), Vec::new());
-        let mut loader = Loader::default();
+        let mut loader = Loader::new(path);
         let mut objects = Vec::new();
         for object in &file.objects {
             match loader.object(object) {
@@ -50,7 +50,8 @@ impl Scene {
             }
         }
         if let Some(room) = &file.room {
-            match gltf::load(room) {
+            let loaded = if room.is_file() { gltf::load(room) } else { Err(missing(path, "room.gltf", room)) };
+            match loaded {
                 Ok((_, room_warnings)) => warnings.extend(room_warnings),
                 Err(problem) => problems.push(problem),
             }
@@ -84,9 +85,9 @@ fn first(problems: Vec<Error>) -> Error {
     problems.into_iter().next().unwrap_or_else(|| Error::Internal("a refused scene file without a problem".into()))
 }
 
-fn missing_room(path: &Path, room: &Path) -> Error {
-    let problem = format!("{}: there is no such file", room.display());
-    Error::input(format!("{}: room.gltf", path.display()), problem, "check the name")
+fn missing(scene: &Path, field: &str, file: &Path) -> Error {
+    let problem = format!("{}: there is no such file", file.display());
+    Error::input(format!("{}: {field}", scene.display()), problem, "check the name")
 }
 
 fn assemble(
@@ -106,15 +107,22 @@ fn assemble(
 }
 
 /// Loads each glTF file once.
-#[derive(Default)]
-struct Loader {
+struct Loader<'a> {
+    scene: &'a Path,
     models: HashMap<PathBuf, Arc<Model>>,
     warnings: Vec<String>,
 }
 
-impl Loader {
+impl<'a> Loader<'a> {
+    fn new(scene: &'a Path) -> Self {
+        Self { scene, models: HashMap::new(), warnings: Vec::new() }
+    }
+
     fn object(&mut self, spec: &ObjectSpec) -> Result<Object> {
         let mut model = match &spec.source {
+            ObjectSource::Gltf(path) if !path.exists() => {
+                return Err(missing(self.scene, &format!("object {}: gltf", spec.name), path));
+            }
             ObjectSource::Gltf(path) => self.gltf(path)?,
             ObjectSource::Shape(shape, size) => {
                 // Neither glTF's white metal nor a light source: grey plastic.
@@ -135,7 +143,8 @@ impl Loader {
                 let names: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
                 let remedy =
                     if names.is_empty() { "leave clip out: the file has none".into() } else { nearest(name, &names) };
-                Error::input(format!("object {}: clip", spec.name), format!("there is no clip \"{name}\""), remedy)
+                let subject = format!("{}: object {}: clip", self.scene.display(), spec.name);
+                Error::input(subject, format!("there is no clip \"{name}\""), remedy)
             })?),
         };
         let (name, placement) = (spec.name.clone(), spec.placement.clone());

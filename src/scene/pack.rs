@@ -10,11 +10,11 @@ use super::{
 use crate::{Error, Result};
 use glam::Vec3;
 
-/// Texels of all textures, at most: 128 MiB, the smallest storage buffer that the drivers in use allow. Beyond it the
+/// Texels of all textures, at most: 128 MiB, the largest storage buffer that every Vulkan device allows. Beyond it the
 /// largest textures lose their finest levels.
 pub const MAX_TEXELS: usize = 1 << 25;
-/// Triangles of all models, at most (36 bytes each, again 128 MiB).
-pub const MAX_TRIANGLES: usize = (1 << 27) / 36;
+/// Triangles of all models, and vertices, at most (36 bytes each, again 128 MiB).
+pub const MAX_ELEMENTS: usize = (1 << 27) / 36;
 
 /// Where a packed mesh is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,8 +73,8 @@ pub fn pack(models: &[&Model], instances: usize) -> Result<Packed> {
             }
         }
         packed.meshes.push(meshes);
-        if packed.scene.triangles.len() > MAX_TRIANGLES {
-            let problem = format!("more than {MAX_TRIANGLES} triangles in the scene");
+        if packed.scene.triangles.len().max(packed.scene.vertices.len()) > MAX_ELEMENTS {
+            let problem = format!("more than {MAX_ELEMENTS} triangles or vertices in the scene");
             return Err(Error::input(&model.name, problem, "simplify the model or leave objects out"));
         }
     }

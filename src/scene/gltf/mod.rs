@@ -118,8 +118,9 @@ impl<'a> File<'a> {
             warnings: BTreeSet::new(),
             corners: 0,
         };
-        if !root.asset.version.starts_with("2.") {
-            return Err(file.broken(format!("asset.version is {}, not 2.0", read::one_line(&root.asset.version))));
+        let versions = [Some(&root.asset.version), root.asset.min_version.as_ref()];
+        if let Some(version) = versions.into_iter().flatten().find(|version| !version.starts_with("2.")) {
+            return Err(file.broken(format!("asks for version {}, not 2.0", read::one_line(version))));
         }
         for extension in root.extensions_used.iter().filter(|name| !SUPPORTED.contains(&name.as_str())) {
             file.warn(&format!("the extension {}", read::one_line(extension)), "ignored");
