@@ -29,14 +29,6 @@ pub struct Cli {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Render pictures
-    Render(render::Args),
-    /// Measure the GPU time of every pass
-    Bench(bench::Args),
-    /// Render the converged picture of the method's model
-    Reference(reference::Args),
-    /// Report every problem of a scene
-    Check(check::Args),
     /// List Vulkan devices, their drivers, and which are usable or why not
     Devices(devices::Args),
     /// Render pictures to files
@@ -52,10 +44,6 @@ pub enum Command {
 impl Command {
     fn run(self) -> Result<()> {
         match self {
-            Self::Render(args) => render::run(&args),
-            Self::Bench(args) => bench::run(&args),
-            Self::Reference(args) => reference::run(&args),
-            Self::Check(args) => check::run(&args),
             Self::Devices(args) => devices::run(&args),
             Self::Render(args) => render::run(&args),
             Self::Bench(args) => bench::run(&args),

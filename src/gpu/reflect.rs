@@ -58,8 +58,7 @@ pub(super) fn check(declaration: &PassDeclaration, specialization: &[(u32, u32)]
     let PassDeclaration { name, spirv, .. } = *declaration;
     let fault = |problem: String| Error::Internal(format!("shader {name}: {problem}"));
     let mut module = Instructions::default();
-    parse_words(without_sources(spirv), &mut module)
-        .map_err(|error| fault(format!("its SPIR-V cannot be read: {error}")))?;
+    parse_words(spirv, &mut module).map_err(|error| fault(format!("its SPIR-V cannot be read: {error}")))?;
     let shader = Shader::new(&module.0);
     let slots = check_bindings(declaration, &shader).map_err(fault)?;
     check_push(declaration, &shader).map_err(fault)?;
@@ -144,22 +143,6 @@ fn check_structs(declaration: &PassDeclaration, shader: &Shader<'_>) -> Checked<
         }
     }
     Ok(())
-}
-
-/// The module without the GLSL text in it: glslang cuts that into pieces in the middle of characters, which rspirv
-/// takes for damage.
-fn without_sources(spirv: &[u32]) -> Vec<u32> {
-    let (header, mut rest) = spirv.split_at(spirv.len().min(5));
-    let mut words = header.to_vec();
-    while let Some(&head) = rest.first() {
-        let (instruction, after) = rest.split_at(((head >> 16) as usize).clamp(1, rest.len()));
-        let opcode = head & 0xffff;
-        if ![Op::Source, Op::SourceContinued, Op::String].iter().any(|source| *source as u32 == opcode) {
-            words.extend_from_slice(instruction);
-        }
-        rest = after;
-    }
-    words
 }
 
 /// The instructions of a module, as they come: rspirv's own loader stumbles over `OpExecutionModeId`.
@@ -440,22 +423,5 @@ impl<'a> Shader<'a> {
             })?;
         }
         threads.iter().all(|&n| n > 0).then_some(threads)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn glsl_text_cut_in_the_middle_of_a_character_is_no_damage() {
-        let half = u32::from_le_bytes([b'3', b'6', b'0', "°".as_bytes()[0]]);
-        let version = 460;
-        let module = [0x0723_0203, 0x0001_0600, 0, 1, 0, 5 << 16 | 3, 2, version, 0, half];
-        assert!(parse_words(module, &mut Instructions::default()).is_err());
-        assert_eq!(without_sources(&module), module[..5]);
-        for end in 0..module.len() {
-            without_sources(&module[..end]);
-        }
     }
 }
