@@ -1,0 +1,93 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Pass 5, atrous: one level of an edge-avoiding 5×5 B3-spline filter with steps 1, 2, 4, 8, 16 (Dammertz et al. 2010; five
+// levels span 65×65), guided by plane distance, normal, object id and, as SVGF (Schied et al. 2017, eq. 3–5), by luminance against
+// the standard deviation of the accumulated mean. E_R and ΔE share one set of weights, taken from ΔE; the Lambert and the GGX lobe
+// of virtual surfaces have their own, the GGX lobe's radius shrinking with roughness.
+// In: tiles, a, b (w: variance), position, normal, motion.w (id), moments. Out: a, b.
+#include "common.glsl"
+#include "list.glsl"
+#include "edge_stop.glsl"
+layout(local_size_x = 8, local_size_y = 8) in;
+
+layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
+layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
+layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray in_motion;
+layout(set = 0, binding = 41, r32f) uniform readonly image2DArray in_mask;
+layout(set = 0, binding = 43, scalar) readonly buffer Tiles { uint item[]; } in_tiles;
+layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; } in_arguments;
+layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray in_a;
+layout(set = 0, binding = 54, rgba32f) uniform readonly image2DArray in_b;
+layout(set = 0, binding = 55, rgba32f) uniform readonly image2DArray in_moments;
+layout(set = 0, binding = 56, rgba32f) uniform writeonly image2DArray out_a;
+layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_b;
+
+layout(push_constant, scalar) uniform Push { int step_size; float sigma_luminance; } push;
+
+const float KERNEL[3] = float[3](0.375, 0.25, 0.0625);
+
+void main() {
+    if (list_group() >= in_arguments.word[LIST_TILES + 3u]) return;
+    uint tile = in_tiles.item[list_group()];
+    ivec2 p = ivec2(tile & 0x7fffu, (tile >> 15u) & 0x7fffu) * 8 + ivec2(gl_LocalInvocationID.xy);
+    int layer = int(tile >> 30u);
+    if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
+    if (imageLoad(in_mask, ivec3(p, layer)).x == 0.0) return;
+
+    vec4 a = imageLoad(in_a, ivec3(p, layer)), b = imageLoad(in_b, ivec3(p, layer));
+    vec4 position = imageLoad(in_position, ivec3(p, layer)), normal = imageLoad(in_normal, ivec3(p, layer));
+    float id = imageLoad(in_motion, ivec3(p, layer)).w;
+    vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
+    // A short history has no variance of its own: the first level then ignores luminance and measures the variance.
+    bool young = imageLoad(in_moments, ivec3(p, layer)).z < 4.0;
+    bool measure = young && push.step_size == 1;
+
+    // the centre's variance, smoothed over 3×3, as SVGF does
+    vec2 variance = vec2(0.0);
+    float variance_total = 0.0;
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) {
+            ivec2 q = p + ivec2(x, y);
+            if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x == 0.0) continue;
+            float w = (x == 0 ? 0.5 : 0.25) * (y == 0 ? 0.5 : 0.25);
+            variance += w * vec2(imageLoad(in_a, ivec3(q, layer)).w, imageLoad(in_b, ivec3(q, layer)).w);
+            variance_total += w;
+        }
+    }
+    variance /= variance_total;
+    vec2 inverse = measure ? vec2(0.0) : 1.0 / (push.sigma_luminance * sqrt(variance) + 1e-6);
+
+    // a mirror is not filtered at all; the lobe of roughness ½ over the whole kernel
+    float lobe = layer == VIRTUAL ? 64.0 * normal.w * normal.w : 1e6;
+    float pixel = position.w * pixel_angle();
+    vec3 sum_a = vec3(0.0), sum_b = vec3(0.0);
+    vec2 total = vec2(0.0), variance_sum = vec2(0.0), first = vec2(0.0), second = vec2(0.0);
+    for (int y = -2; y <= 2; y++) {
+        for (int x = -2; x <= 2; x++) {
+            ivec2 q = p + ivec2(x, y) * push.step_size;
+            if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x == 0.0) continue;
+            vec4 qa = imageLoad(in_a, ivec3(q, layer)), qb = imageLoad(in_b, ivec3(q, layer));
+            vec4 qn = imageLoad(in_normal, ivec3(q, layer));
+            float reach = length(vec2(x, y)) * float(push.step_size);
+            float g = x == 0 && y == 0 ? 1.0 : geometry_weight(position, normal, id, imageLoad(in_position, ivec3(q, layer)), qn, imageLoad(in_motion, ivec3(q, layer)).w, pixel * reach);
+            g *= KERNEL[abs(x)] * KERNEL[abs(y)];
+            vec2 ql = vec2(luminance(qa.rgb), luminance(qb.rgb));
+            vec2 w = g * exp(-abs(ql - luma) * inverse);
+            if (layer == REAL) w.x = w.y;
+            else w.y *= exp(-reach / max(lobe, 1e-3)) * exp(-16.0 * abs(qn.w - normal.w));
+            sum_a += w.x * qa.rgb;
+            sum_b += w.y * qb.rgb;
+            total += w;
+            variance_sum += w * w * vec2(qa.w, qb.w);
+            first += w * ql;
+            second += w * ql * ql;
+        }
+    }
+    vec2 out_variance = variance_sum / (total * total);
+    if (measure) {
+        vec2 mean = first / total;
+        out_variance = max(out_variance, max(second / total - mean * mean, vec2(0.0)) * 0.15); // 0.15: Σw² of the kernel
+    }
+    imageStore(out_a, ivec3(p, layer), vec4(sum_a / total.x, out_variance.x));
+    imageStore(out_b, ivec3(p, layer), vec4(sum_b / total.y, out_variance.y));
+}

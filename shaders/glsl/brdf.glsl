@@ -1,0 +1,69 @@
+// glTF 2.0 metallic–roughness: a Lambert lobe under a GGX lobe (α = roughness²), height-correlated Smith, Schlick.
+// Energy: the GGX lobe is scaled by 1 + F0 (1/E − 1) (Turquin 2019) to make up for the missing multiple scattering;
+// the Lambert lobe gets what the GGX lobe leaves, 1 − ρ(μ_o).
+
+// Directional albedo of GGX, 32×32 over (cos θ_o, roughness): ρ = F0·x + F90·y. `brdf_table` in passes/brdf.rs.
+layout(set = 0, binding = 20, scalar) readonly buffer Energy { vec2 value[]; } in_energy;
+
+const int ENERGY_SIZE = 32;
+
+vec2 brdf_energy(float cosine, float roughness) {
+    vec2 p = clamp(vec2(cosine, roughness), 0.0, 1.0) * float(ENERGY_SIZE) - 0.5;
+    p = clamp(p, vec2(0.0), vec2(float(ENERGY_SIZE) - 1.001));
+    ivec2 i = ivec2(p);
+    vec2 f = p - vec2(i);
+    int k = i.y * ENERGY_SIZE + i.x;
+    return mix(mix(in_energy.value[k], in_energy.value[k + 1], f.x),
+               mix(in_energy.value[k + ENERGY_SIZE], in_energy.value[k + ENERGY_SIZE + 1], f.x), f.y);
+}
+
+struct Lobes {
+    vec3 diffuse;       // k_V·(1 − ρ): the Lambert lobe's albedo
+    vec3 scale;         // multiple-scattering factor of the GGX lobe
+    float specular_probability;
+};
+
+Lobes brdf_lobes(Surface s, vec3 to_eye) {
+    Lobes l;
+    vec2 e = brdf_energy(dot(s.normal, to_eye), s.roughness);
+    l.scale = 1.0 + s.f0 * (1.0 / max(e.x + e.y, 1e-3) - 1.0);
+    vec3 albedo = min((s.f0 * e.x + s.f90 * e.y) * l.scale, vec3(1.0));
+    l.diffuse = s.base_color * (1.0 - s.metallic) * (1.0 - max(albedo.r, max(albedo.g, albedo.b)));
+    float ws = luminance(albedo), wd = luminance(l.diffuse);
+    l.specular_probability = ws <= 0.0 ? 0.0 : wd <= 0.0 ? 1.0 : clamp(ws / (ws + wd), 0.1, 0.9);
+    return l;
+}
+
+float smith_lambda(float cosine, float alpha) {
+    float c2 = cosine * cosine;
+    return 0.5 * (sqrt(1.0 + alpha * alpha * (1.0 - c2) / max(c2, 1e-12)) - 1.0);
+}
+
+// Below this α the lobe is a mirror.
+const float MIRROR_ALPHA = 1e-3;
+
+// A direction of the GGX lobe by visible normals (Dupuy and Benyoub 2023) and its weight f·cos/p; zero weight below the
+// surface.
+vec3 brdf_sample_specular(Surface s, Lobes l, vec3 to_eye, vec2 u, out vec3 weight) {
+    float alpha = s.roughness * s.roughness;
+    mat3 frame = basis(s.normal);
+    vec3 o = to_eye * frame;
+    o.z = max(o.z, 1e-4);
+    vec3 h = vec3(0.0, 0.0, 1.0);
+    if (alpha >= MIRROR_ALPHA) {
+        vec3 stretched = normalize(vec3(o.xy * alpha, o.z));
+        float phi = 2.0 * PI * u.x;
+        float z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
+        float r = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
+        h = vec3(r * cos(phi), r * sin(phi), z) + stretched;
+        h = normalize(vec3(h.xy * alpha, max(h.z, 1e-6)));
+    }
+    vec3 i = reflect(-o, h);
+    vec3 d = normalize(frame * i);
+    weight = vec3(0.0);
+    if (i.z <= 0.0 || dot(d, s.geometric) <= 0.0) return d;
+    float fresnel = pow(clamp(1.0 - dot(o, h), 0.0, 1.0), 5.0);
+    float lo = alpha >= MIRROR_ALPHA ? smith_lambda(o.z, alpha) : 0.0, li = alpha >= MIRROR_ALPHA ? smith_lambda(i.z, alpha) : 0.0;
+    weight = (s.f0 + (vec3(s.f90) - s.f0) * fresnel) * l.scale * ((1.0 + lo) / (1.0 + lo + li));
+    return d;
+}

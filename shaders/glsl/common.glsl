@@ -1,0 +1,166 @@
+// What every pass shares: the view, random numbers, small maths.
+// All positions are in metres relative to the panorama's centre, axes as the world's.
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_control_flow_attributes : require
+
+const float PI = 3.14159265358979;
+const float FAR = 1e30;
+
+const uint PERSPECTIVE = 0u;
+const uint EQUIRECT = 1u;
+
+// The two surfaces a pixel may hold, and the layer of each in array images.
+const int REAL = 0;
+const int VIRTUAL = 1;
+
+// One picture being made: camera now and one frame ago, the panorama's shape, and the settings. `ViewData` in passes/view.rs.
+struct View {
+    vec3 position;
+    vec3 right;
+    vec3 up;
+    vec3 forward;
+    vec2 tan_half;
+    vec3 previous_position;
+    vec3 previous_right;
+    vec3 previous_up;
+    vec3 previous_forward;
+    vec2 previous_tan_half;
+    uvec2 size;
+    uint projection;
+    uint frame;
+    uint seed;
+    uvec2 color_size;
+    uint color_levels;
+    uvec2 depth_size;
+    float yaw;
+    float edge_ratio;
+    float thickness;
+    uint pyramid_levels;
+    uint level_offset[16];
+    uint level_width[16];
+    uint instance_count;
+    uint primary_objects;
+    uint bounces;
+    uint coverage_samples;
+    uint rays_per_16;
+    uint history_limit;
+    uint relit;
+    uint light_sampling;
+    uvec2 light_size;
+    uvec2 relight_size;
+};
+
+layout(set = 0, binding = 0, scalar) readonly buffer ViewBuffer { View view; } in_view;
+
+// --- random numbers: integer hashes of (pixel, frame, dimension, seed) ---
+
+// PCG output permutation of a 32-bit LCG (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering").
+uint hash(uint x) {
+    uint state = x * 747796405u + 2891336453u;
+    uint word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+    return (word >> 22u) ^ word;
+}
+
+struct Random { uint state; };
+
+Random random_begin(uvec2 pixel, uint stream) {
+    return Random(hash(pixel.x + hash(pixel.y + hash(in_view.view.frame + hash(in_view.view.seed + hash(stream))))));
+}
+
+// Uniform in [0, 1).
+float random_next(inout Random random) {
+    random.state = hash(random.state);
+    return float(random.state >> 8u) * (1.0 / 16777216.0);
+}
+
+vec2 random_next2(inout Random random) {
+    float x = random_next(random);
+    return vec2(x, random_next(random));
+}
+
+// --- maths ---
+
+float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
+
+// An orthonormal basis around a unit vector (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
+mat3 basis(vec3 n) {
+    float s = n.z >= 0.0 ? 1.0 : -1.0;
+    float a = -1.0 / (s + n.z);
+    float b = n.x * n.y * a;
+    return mat3(vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
+}
+
+// atan(y, x) to a few ulp on every driver: Vulkan allows its own 4096 ulp, a quarter of a panorama texel.
+float arctangent(float y, float x) {
+    float ax = abs(x), ay = abs(y);
+    float big = max(ax, ay), small = min(ax, ay);
+    if (big == 0.0) return 0.0;
+    float r = small / big;
+    bool reduce = r > 0.41421356;
+    float s = reduce ? (r - 1.0) / (r + 1.0) : r;
+    float z = s * s;
+    float a = (((8.05374449538e-2 * z - 1.38776856032e-1) * z + 1.99777106478e-1) * z - 3.33329491539e-1) * z * s + s;
+    if (reduce) a += 0.25 * PI;
+    if (ay > ax) a = 0.5 * PI - a;
+    if (x < 0.0) a = PI - a;
+    return y < 0.0 ? -a : a;
+}
+
+// Cosine-weighted direction about n; density cos/π.
+vec3 sample_cosine(vec3 n, vec2 u) {
+    float r = sqrt(u.x), phi = 2.0 * PI * u.y;
+    return normalize(basis(n) * vec3(r * cos(phi), r * sin(phi), sqrt(max(0.0, 1.0 - u.x))));
+}
+
+// A texel of a periodic map: columns wrap, rows beyond a pole continue on the opposite meridian.
+ivec2 wrap_texel(ivec2 p, ivec2 size) {
+    if (p.y < 0) { p.y = -1 - p.y; p.x += size.x / 2; }
+    if (p.y >= size.y) { p.y = 2 * size.y - 1 - p.y; p.x += size.x / 2; }
+    p.y = clamp(p.y, 0, size.y - 1);
+    p.x = p.x % size.x;
+    if (p.x < 0) p.x += size.x;
+    return p;
+}
+
+// A neighbouring pixel of this view, if it has one: an equirect view wraps, a perspective one ends.
+bool neighbour(inout ivec2 p) {
+    ivec2 size = ivec2(in_view.view.size);
+    if (in_view.view.projection == EQUIRECT) { p = wrap_texel(p, size); return true; }
+    return all(greaterThanEqual(p, ivec2(0))) && all(lessThan(p, size));
+}
+
+// --- camera ---
+
+// Unit direction through a point of the image, in pixels (centres at +½).
+vec3 view_direction(vec2 pixel) {
+    View v = in_view.view;
+    vec2 s = pixel / vec2(v.size);
+    if (v.projection == EQUIRECT) {
+        float phi = 2.0 * PI * (s.x - 0.5), theta = PI * s.y;
+        float st = sin(theta);
+        return normalize(v.right * (st * sin(phi)) + v.up * cos(theta) + v.forward * (st * cos(phi)));
+    }
+    vec2 ndc = vec2(2.0 * s.x - 1.0, 1.0 - 2.0 * s.y) * v.tan_half;
+    return normalize(v.forward + v.right * ndc.x + v.up * ndc.y);
+}
+
+// Where a point was in the image of the previous frame, in pixels; z is its distance, negative behind the camera.
+vec3 project_previous(vec3 point) {
+    View v = in_view.view;
+    vec3 d = point - v.previous_position;
+    vec3 local = vec3(dot(d, v.previous_right), dot(d, v.previous_up), dot(d, v.previous_forward));
+    float distance = length(d);
+    if (v.projection == EQUIRECT) {
+        float phi = arctangent(local.x, local.z), theta = arctangent(length(local.xz), local.y);
+        return vec3(vec2(phi / (2.0 * PI) + 0.5, theta / PI) * vec2(v.size), distance);
+    }
+    if (local.z <= 1e-6) return vec3(-1e6, -1e6, -distance);
+    vec2 ndc = local.xy / (local.z * v.previous_tan_half);
+    return vec3(vec2(0.5 + 0.5 * ndc.x, 0.5 - 0.5 * ndc.y) * vec2(v.size), distance);
+}
+
+// Angle one pixel spans, radians.
+float pixel_angle() {
+    return in_view.view.projection == EQUIRECT ? PI / float(in_view.view.size.y)
+                                               : 2.0 * in_view.view.tan_half.y / float(in_view.view.size.y);
+}

@@ -1,0 +1,67 @@
+// What gbuffer and coverage share: the real surface a primary ray meets, and how a virtual one is written.
+layout(constant_id = 0) const uint OFF_CENTRE = 0; // 1: the camera is not at the panorama's centre, primary rays are traced
+
+layout(set = 0, binding = 5, rgba16f) uniform readonly image2D in_panorama_normal;
+// Layer REAL and layer VIRTUAL. xyz position, w distance from the camera (0: no such surface).
+layout(set = 0, binding = 30, rgba32f) uniform writeonly image2DArray out_position;
+// xyz shading normal, w roughness (1 for real surfaces).
+layout(set = 0, binding = 31, rgba16f) uniform writeonly image2DArray out_normal;
+// xy motion to the previous frame in pixels, z distance from the previous camera, w object id (0: real).
+layout(set = 0, binding = 32, rgba32f) uniform writeonly image2DArray out_motion;
+// Albedo k_V of the Lambert lobe under the GGX lobe; w metallic.
+layout(set = 0, binding = 34, rgba16f) uniform writeonly image2D out_albedo;
+// Emitted radiance.
+layout(set = 0, binding = 35, rgba16f) uniform writeonly image2D out_emission;
+// Instance, triangle, barycentric coordinates (float bits) of the virtual surface.
+layout(set = 0, binding = 36, rgba32ui) uniform writeonly uimage2D out_hit;
+
+struct RealPoint { float t; vec2 uv; ivec2 texel; };
+
+// The real surface along a primary ray: t is FAR where there is none.
+RealPoint real_surface(vec3 d) {
+    RealPoint r;
+    if (OFF_CENTRE == 0u) {
+        r.uv = panorama_uv(d);
+        r.t = surface_distance(d, r.texel);
+        if (r.t <= 0.0) r.t = FAR;
+    } else {
+        PanoramaHit hit = panorama_trace(in_view.view.position, d, 0.0, FAR);
+        r.t = hit.t;
+        r.uv = hit.uv;
+        ivec2 size = ivec2(in_view.view.depth_size);
+        r.texel = wrap_texel(ivec2(floor(hit.uv * vec2(size))), size);
+    }
+    return r;
+}
+
+vec4 motion_of(vec2 pixel, vec3 previous_point, float id) {
+    vec3 previous = project_previous(previous_point);
+    vec2 motion = previous.xy - pixel;
+    if (in_view.view.projection == EQUIRECT) motion.x -= round(motion.x / float(in_view.view.size.x)) * float(in_view.view.size.x);
+    return vec4(motion, previous.z, id);
+}
+
+void write_virtual(ivec2 p, SceneHit hit, vec3 d) {
+    Surface s = scene_surface(hit, d, hit.t * pixel_angle());
+    Lobes lobes = brdf_lobes(s, -d);
+    Instance instance = in_instances.instance[hit.instance];
+    TriangleGeometry tri = in_triangles.triangle[hit.triangle];
+    vec3 previous = transform_point(instance.previous_object_to_world, tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y);
+    imageStore(out_position, ivec3(p, VIRTUAL), vec4(s.position, hit.t));
+    imageStore(out_normal, ivec3(p, VIRTUAL), vec4(s.normal, s.roughness));
+    // relative to where this ray meets the image, so that a surface seen beside the pixel's centre is followed too
+    vec4 motion = motion_of(vec2(p) + 0.5, previous, float(instance.id));
+    imageStore(out_motion, ivec3(p, VIRTUAL), motion);
+    imageStore(out_albedo, p, vec4(lobes.diffuse, s.metallic));
+    imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
+    imageStore(out_hit, p, uvec4(hit.instance, hit.triangle, floatBitsToUint(hit.barycentric)));
+}
+
+void write_no_virtual(ivec2 p) {
+    imageStore(out_position, ivec3(p, VIRTUAL), vec4(0.0));
+    imageStore(out_normal, ivec3(p, VIRTUAL), vec4(0.0));
+    imageStore(out_motion, ivec3(p, VIRTUAL), vec4(0.0));
+    imageStore(out_albedo, p, vec4(0.0));
+    imageStore(out_emission, p, vec4(0.0));
+    imageStore(out_hit, p, uvec4(NONE));
+}

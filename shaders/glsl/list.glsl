@@ -1,0 +1,6 @@
+// Compacted work: indirect arguments are (x groups, y groups, 1, items), at most GROUPS_PER_ROW groups in a row.
+const uint GROUPS_PER_ROW = 32768u;
+const uint LIST_REAL = 0u;
+const uint LIST_VIRTUAL = 4u;
+const uint LIST_TILES = 8u;
+uint list_group() { return gl_WorkGroupID.y * GROUPS_PER_ROW + gl_WorkGroupID.x; }

@@ -1,0 +1,49 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Per video frame, normals (second dispatch): each texel takes, of the planes fitted around it that explain its own depth, the
+// one that fits its neighbourhood best, so that a window across a crease or an edge does not bend the normal there. Depth that came in
+// steps moves onto that plane, within its step.
+// In: plane, depth. Out: normal (towards the centre), depth (m).
+#include "common.glsl"
+#include "panorama.glsl"
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = 5, rgba16f) uniform writeonly image2D out_panorama_normal;
+layout(set = 0, binding = 62, rgba32f) uniform readonly image2D in_plane;
+layout(set = 0, binding = 63, scalar) buffer Smooth { float depth[]; } out_depth;
+
+layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;
+
+void main() {
+    ivec2 p = ivec2(gl_GlobalInvocationID.xy), size = ivec2(in_view.view.depth_size);
+    if (any(greaterThanEqual(p, size))) return;
+    int index = p.y * size.x + p.x;
+    // the poles pass through
+    if (index < 2) out_depth.depth[size.x * size.y + index] = in_depth.depth[size.x * size.y + index];
+    float depth = in_depth.depth[index];
+    vec3 direction = vertex_direction(p.x, p.y);
+    vec3 best = direction;
+    float best_cost = FAR;
+    if (depth > 0.0) {
+        float q = 1.0 / depth;
+        float step_here = max(push.step_disparity, push.step_radial * q * q);
+        float limit = step_here + push.relative * q;
+        int offset = max(1, (2 * push.radius) / 3);
+        for (int y = -1; y <= 1; y++) {
+            for (int x = -1; x <= 1; x++) {
+                ivec2 t = wrap_texel(p + ivec2(x, y) * offset, size);
+                vec4 plane = imageLoad(in_plane, t);
+                if (plane.w < 0.0) continue;
+                float e = dot(plane.xyz, direction) - q;
+                if (abs(e) > limit && !(x == 0 && y == 0)) continue;
+                // a little in favour of this texel's own plane
+                float cost = (plane.w + 0.25 * e * e + 1e-8 * q * q) * (x == 0 && y == 0 ? 0.8 : 1.0);
+                if (cost < best_cost) { best_cost = cost; best = plane.xyz; }
+            }
+        }
+        float smoothed = dot(best, direction);
+        if (step_here > 0.0 && best_cost < FAR) depth = 1.0 / clamp(smoothed, max(q - 0.75 * step_here, 0.25 * q), q + 0.75 * step_here);
+    }
+    vec3 normal = dot(best, best) > 0.0 ? -normalize(best) : -direction;
+    imageStore(out_panorama_normal, p, vec4(normal, 0.0));
+    out_depth.depth[index] = depth;
+}

@@ -1,0 +1,65 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Per video frame, normals (first dispatch): a plane through each texel's neighbourhood. On the plane n·P = h the inverse
+// depth is linear in direction, 1/D = a·ω with a = n/h, so a is found by linear least squares, in three rounds: the first over neighbours
+// whose depth connects to this one's, the others over those the plane so far explains. Holes are left out.
+// In: depth (m), angles. Out: plane (xyz a, 1/m; w mean squared residual of 1/D, negative: no plane).
+#include "common.glsl"
+#include "panorama.glsl"
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = 62, rgba32f) uniform writeonly image2D out_plane;
+
+// tolerance: of 1/D, absolute (1/m) and relative; radial_step: the codes' spacing where they are radial, metres.
+layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;
+
+void main() {
+    ivec2 p = ivec2(gl_GlobalInvocationID.xy), size = ivec2(in_view.view.depth_size);
+    if (any(greaterThanEqual(p, size))) return;
+    float depth = vertex_depth(p.x, p.y);
+    if (depth <= 0.0) {
+        imageStore(out_plane, p, vec4(0.0, 0.0, 0.0, -1.0));
+        return;
+    }
+    float q = 1.0 / depth;
+    float step_here = max(push.step_disparity, push.step_radial * q * q);
+    vec3 w0 = vertex_direction(p.x, p.y);
+    mat3 frame = basis(w0);
+    // normal equations in the local frame, tangential coordinates scaled to the window
+    float scale = float(size.y) / (PI * float(push.radius));
+    vec3 a = vec3(0.0);
+    float residual = 0.0;
+    for (int round = 0; round < 3; round++) {
+        float sxx = 0.0, sxy = 0.0, sxz = 0.0, syy = 0.0, syz = 0.0, szz = 0.0, count = 0.0, error = 0.0;
+        vec3 right = vec3(0.0);
+        for (int y = -push.radius; y <= push.radius; y += push.stride) {
+            for (int x = -push.radius; x <= push.radius; x += push.stride) {
+                ivec2 t = wrap_texel(p + ivec2(x, y), size);
+                float d = in_depth.depth[t.y * size.x + t.x];
+                if (d <= 0.0) continue;
+                float qi = 1.0 / d;
+                vec3 w = vertex_direction(t.x, t.y) * frame;
+                w.xy *= scale;
+                float e = qi - (round == 0 ? q : dot(a, w));
+                float reach = max(abs(float(x)), abs(float(y)));
+                float limit = round == 0 ? 2.0 * step_here + (0.02 + 0.03 * reach) * q : (round == 1 ? 2.0 : 1.2) * step_here + push.relative * q;
+                if (abs(e) > limit) continue;
+                sxx += w.x * w.x; sxy += w.x * w.y; sxz += w.x * w.z;
+                syy += w.y * w.y; syz += w.y * w.z; szz += w.z * w.z;
+                right += w * qi;
+                error += e * e;
+                count += 1.0;
+            }
+        }
+        mat3 m = mat3(sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz);
+        m[0][0] += 1e-5; m[1][1] += 1e-5;
+        float det = determinant(m);
+        if (count < 3.0 || det < 1e-7 * count * count * count) {
+            if (round == 0) { a = vec3(0.0, 0.0, q); residual = 1.0; } // too little to fit: face the centre
+            break;
+        }
+        a = inverse(m) * right;
+        if (round > 0) residual = error / count;
+    }
+    vec3 plane = frame * vec3(a.xy * scale, a.z);
+    imageStore(out_plane, p, vec4(plane, residual));
+}

@@ -1,0 +1,24 @@
+#version 460
+// Per video frame, radiance_pyramid: one mip level of the panorama's radiance, the area-weighted mean of the texels below
+// (any size, not only powers of two). In: the finer level. Out: the coarser.
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = 60, rgba32f) uniform readonly image2D in_level;
+layout(set = 0, binding = 61, rgba32f) uniform writeonly image2D out_level;
+
+void main() {
+    ivec2 p = ivec2(gl_GlobalInvocationID.xy), size = imageSize(out_level), fine = imageSize(in_level);
+    if (any(greaterThanEqual(p, size))) return;
+    vec2 scale = vec2(fine) / vec2(size);
+    vec2 from = vec2(p) * scale, to = vec2(p + 1) * scale;
+    vec4 sum = vec4(0.0);
+    float total = 0.0;
+    for (int y = int(from.y); y < min(fine.y, int(ceil(to.y))); y++) {
+        for (int x = int(from.x); x < min(fine.x, int(ceil(to.x))); x++) {
+            vec2 overlap = min(vec2(x + 1, y + 1), to) - max(vec2(x, y), from);
+            float w = max(overlap.x, 0.0) * max(overlap.y, 0.0);
+            sum += w * imageLoad(in_level, ivec2(x, y));
+            total += w;
+        }
+    }
+    imageStore(out_level, p, sum / total);
+}

@@ -1,0 +1,28 @@
+// The relit panorama: E_R and ΔE of real surfaces, on a coarse equirect map aligned with the panorama.
+layout(set = 0, binding = 6, rgba32f) uniform readonly image2DArray in_relight_real;
+layout(set = 0, binding = 7, rgba32f) uniform readonly image2DArray in_relight_change;
+
+// out = L + ΔE·k, k = min(L/E_R, 1/π): what a diffuse surface reflects per irradiance, at most all of it. It is
+// L_e + (L − L_e)·E_RV/E_R with L_e = max(0, L − E_R/π), without the division's pole at E_R = 0.
+vec3 relight(vec3 radiance, vec3 irradiance, vec3 change) {
+    vec3 k = min(radiance / max(irradiance, vec3(1e-20)), vec3(1.0 / PI));
+    return max(radiance + change * k, vec3(0.0));
+}
+
+// The radiance of a real surface as the mixed scene lights it.
+vec3 relit(vec2 uv, vec3 radiance) {
+    if (in_view.view.relit == 0u) return radiance;
+    ivec2 size = ivec2(in_view.view.relight_size);
+    vec2 p = uv * vec2(size) - 0.5;
+    ivec2 i = ivec2(floor(p));
+    vec2 f = p - vec2(i);
+    vec3 irradiance = vec3(0.0), change = vec3(0.0);
+    for (int k = 0; k < 4; k++) {
+        ivec2 o = ivec2(k & 1, k >> 1);
+        float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
+        ivec3 q = ivec3(wrap_texel(i + o, size), REAL);
+        irradiance += w * imageLoad(in_relight_real, q).rgb;
+        change += w * imageLoad(in_relight_change, q).rgb;
+    }
+    return relight(radiance, irradiance, change);
+}

@@ -1,0 +1,91 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Pass 2, sampling_mask: which pixels trace this frame, compacted into one list for real and one for virtual surfaces, and
+// the 8×8 tiles that the later passes visit. (IPRT §2, "sparse sampling mask".)
+// In: position, normal, coverage, motion, history length. Out: mask (0 nothing there, 1 traced, 2 interpolated), lists, arguments.
+#include "common.glsl"
+#include "list.glsl"
+layout(local_size_x = 8, local_size_y = 8) in;
+
+layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
+layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
+layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray in_motion;
+layout(set = 0, binding = 37, r32f) uniform readonly image2D in_coverage;
+layout(set = 0, binding = 40, rgba32f) uniform readonly image2DArray history_moments;
+layout(set = 0, binding = 41, r32f) uniform writeonly image2DArray out_mask;
+layout(set = 0, binding = 42, scalar) writeonly buffer List { uint item[]; } out_list;
+layout(set = 0, binding = 43, scalar) writeonly buffer Tiles { uint item[]; } out_tiles;
+layout(set = 0, binding = 44, scalar) buffer Arguments { uint word[]; } out_arguments;
+
+layout(push_constant, scalar) uniform Push { uint dense; uint history_valid; uint short_history; float sharp_roughness; } push;
+
+shared uint group_count[2];
+shared uint group_base[2];
+shared uint active_count[2];
+
+// 4×4 ordered dither: every power-of-two share of the ranks is spread evenly.
+const uint RANK[16] = uint[16](0u, 8u, 2u, 10u, 12u, 4u, 14u, 6u, 3u, 11u, 1u, 9u, 15u, 7u, 13u, 5u);
+
+bool traced(ivec2 p, int layer) {
+    if (push.dense != 0u) return true;
+    uint frame = in_view.view.frame;
+    uint rank = RANK[(p.y & 3) * 4 + (p.x & 3)];
+    if (((rank + 16u - (frame * in_view.view.rays_per_16) % 16u) % 16u) < in_view.view.rays_per_16) return true;
+    if (layer == VIRTUAL && imageLoad(in_normal, ivec3(p, VIRTUAL)).w < push.sharp_roughness) return true;
+    // newly seen surfaces trace every pixel until they have some history
+    if (push.history_valid == 0u) return push.short_history > 0u;
+    ivec2 q = ivec2(floor(vec2(p) + 0.5 + imageLoad(in_motion, ivec3(p, layer)).xy));
+    return push.short_history > 0u && (!neighbour(q) || imageLoad(history_moments, ivec3(q, layer)).z < float(push.short_history));
+}
+
+void append(uint list, uint count, uint per_group) {
+    // groups are what an indirect dispatch needs; they grow with the count that this group has just added
+    uint total = atomicAdd(out_arguments.word[list + 3u], count) + count;
+    uint groups = (total + per_group - 1u) / per_group;
+    atomicMax(out_arguments.word[list], min(groups, GROUPS_PER_ROW));
+    atomicMax(out_arguments.word[list + 1u], (groups + GROUPS_PER_ROW - 1u) / GROUPS_PER_ROW);
+    group_base[list / 4u % 2u] = total - count;
+}
+
+void main() {
+    ivec2 p = ivec2(gl_GlobalInvocationID.xy);
+    uint local = gl_LocalInvocationIndex;
+    if (local < 2u) { group_count[local] = 0u; active_count[local] = 0u; }
+    if (gl_WorkGroupID.xy == uvec2(0u) && local == 0u) {
+        out_arguments.word[LIST_REAL + 2u] = 1u;
+        out_arguments.word[LIST_VIRTUAL + 2u] = 1u;
+        out_arguments.word[LIST_TILES + 2u] = 1u;
+    }
+    barrier();
+    bool inside = all(lessThan(p, ivec2(in_view.view.size)));
+    uint slot[2];
+    bool trace[2];
+    for (int layer = 0; layer < 2; layer++) {
+        trace[layer] = false;
+        if (!inside) continue;
+        float coverage = imageLoad(in_coverage, p).x;
+        bool present = in_view.view.instance_count > 0u && imageLoad(in_position, ivec3(p, layer)).w > 0.0 && (layer == REAL ? coverage > 0.0 : coverage < 1.0);
+        if (present) {
+            atomicAdd(active_count[layer], 1u);
+            trace[layer] = traced(p, layer);
+            if (trace[layer]) slot[layer] = atomicAdd(group_count[layer], 1u);
+        }
+        imageStore(out_mask, ivec3(p, layer), vec4(present ? (trace[layer] ? 1.0 : 2.0) : 0.0));
+    }
+    barrier();
+    if (local == 0u) {
+        if (group_count[REAL] > 0u) append(LIST_REAL, group_count[REAL], 64u);
+        if (group_count[VIRTUAL] > 0u) append(LIST_VIRTUAL, group_count[VIRTUAL], 64u);
+        for (uint layer = 0u; layer < 2u; layer++) {
+            if (active_count[layer] == 0u) continue;
+            uint total = atomicAdd(out_arguments.word[LIST_TILES + 3u], 1u) + 1u;
+            atomicMax(out_arguments.word[LIST_TILES], min(total, GROUPS_PER_ROW));
+            atomicMax(out_arguments.word[LIST_TILES + 1u], (total + GROUPS_PER_ROW - 1u) / GROUPS_PER_ROW);
+            out_tiles.item[total - 1u] = gl_WorkGroupID.x | (gl_WorkGroupID.y << 15u) | (layer << 30u);
+        }
+    }
+    barrier();
+    uint pixels = in_view.view.size.x * in_view.view.size.y;
+    for (int layer = 0; layer < 2; layer++)
+        if (trace[layer]) out_list.item[uint(layer) * pixels + group_base[layer] + slot[layer]] = uint(p.x) | (uint(p.y) << 16u);
+}

@@ -1,0 +1,115 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Pass 5, temporal: accumulation along motion vectors, with disocclusion tests and clamping of the history to the mean and
+// spread of this frame's neighbourhood.
+// In: tiles, mask, irradiance_a/b of this frame, position, normal, motion now and a frame ago, history_*. Out: accumulated a, b (w: variance
+// of the mean), moments (x, y: second moments of the luminances of a and b; z: history length, frames; w: hit distance, metres).
+#include "common.glsl"
+#include "list.glsl"
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 2) const uint CLAMP = 1;
+
+layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
+layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
+layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray in_motion;
+layout(set = 0, binding = 41, r32f) uniform readonly image2DArray in_mask;
+layout(set = 0, binding = 43, scalar) readonly buffer Tiles { uint item[]; } in_tiles;
+layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; } in_arguments;
+layout(set = 0, binding = 45, rgba32f) uniform readonly image2DArray in_irradiance_a;
+layout(set = 0, binding = 46, rgba32f) uniform readonly image2DArray in_irradiance_b;
+layout(set = 0, binding = 50, rgba32f) uniform readonly image2DArray history_position;
+layout(set = 0, binding = 51, rgba16f) uniform readonly image2DArray history_normal;
+layout(set = 0, binding = 52, rgba32f) uniform readonly image2DArray history_motion;
+layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray history_a;
+layout(set = 0, binding = 54, rgba32f) uniform readonly image2DArray history_b;
+layout(set = 0, binding = 55, rgba32f) uniform readonly image2DArray history_moments;
+layout(set = 0, binding = 56, rgba32f) uniform writeonly image2DArray out_a;
+layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_b;
+layout(set = 0, binding = 58, rgba32f) uniform writeonly image2DArray out_moments;
+
+layout(push_constant, scalar) uniform Push { uint history_valid; float clamp_spread; } push;
+
+// A history texel counts if it was this surface: same object, at the distance this point then had, facing alike.
+float history_weight(ivec2 q, int layer, vec4 motion, vec3 normal) {
+    if (!neighbour(q)) return 0.0;
+    vec4 then = imageLoad(history_position, ivec3(q, layer));
+    if (then.w <= 0.0 || imageLoad(history_motion, ivec3(q, layer)).w != motion.w) return 0.0;
+    if (abs(then.w - motion.z) > 0.03 * motion.z) return 0.0;
+    return dot(imageLoad(history_normal, ivec3(q, layer)).xyz, normal) > 0.85 ? 1.0 : 0.0;
+}
+
+void main() {
+    if (list_group() >= in_arguments.word[LIST_TILES + 3u]) return;
+    uint tile = in_tiles.item[list_group()];
+    ivec2 p = ivec2(tile & 0x7fffu, (tile >> 15u) & 0x7fffu) * 8 + ivec2(gl_LocalInvocationID.xy);
+    int layer = int(tile >> 30u);
+    if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
+    float mask = imageLoad(in_mask, ivec3(p, layer)).x;
+    if (mask == 0.0) {
+        imageStore(out_moments, ivec3(p, layer), vec4(0.0));
+        return;
+    }
+    vec4 motion = imageLoad(in_motion, ivec3(p, layer));
+    vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;
+    vec4 a = imageLoad(in_irradiance_a, ivec3(p, layer)), b = imageLoad(in_irradiance_b, ivec3(p, layer));
+    vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
+    vec4 moments = vec4(luma * luma, mask == 1.0 ? 1.0 : 0.5, b.w);
+
+    vec3 old_a = vec3(0.0), old_b = vec3(0.0);
+    vec4 old_moments = vec4(0.0);
+    float total = 0.0;
+    if (push.history_valid != 0u && motion.z > 0.0) {
+        vec2 at = vec2(p) + motion.xy;
+        if (dot(motion.xy, motion.xy) < 1e-6) at = vec2(p); // a still pixel is not resampled
+        ivec2 i = ivec2(floor(at));
+        vec2 f = at - vec2(i);
+        for (int k = 0; k < 4; k++) {
+            ivec2 o = ivec2(k & 1, k >> 1);
+            float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
+            ivec2 q = i + o;
+            if (w <= 0.0 || !neighbour(q)) continue;
+            vec4 m = imageLoad(history_moments, ivec3(q, layer));
+            w *= m.z > 0.0 ? history_weight(q, layer, motion, normal) : 0.0;
+            if (w <= 0.0) continue;
+            old_a += w * imageLoad(history_a, ivec3(q, layer)).rgb;
+            old_b += w * imageLoad(history_b, ivec3(q, layer)).rgb;
+            old_moments += w * m;
+            total += w;
+        }
+    }
+    if (total > 0.01) {
+        old_a /= total; old_b /= total; old_moments /= total;
+        if (CLAMP != 0u) {
+            vec3 mean_a = vec3(0.0), mean_b = vec3(0.0), square_a = vec3(0.0), square_b = vec3(0.0);
+            float count = 0.0;
+            for (int y = -2; y <= 2; y++) {
+                for (int x = -2; x <= 2; x++) {
+                    ivec2 q = p + ivec2(x, y);
+                    if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x != 1.0 || imageLoad(in_motion, ivec3(q, layer)).w != motion.w) continue;
+                    vec3 ca = imageLoad(in_irradiance_a, ivec3(q, layer)).rgb, cb = imageLoad(in_irradiance_b, ivec3(q, layer)).rgb;
+                    mean_a += ca; square_a += ca * ca;
+                    mean_b += cb; square_b += cb * cb;
+                    count += 1.0;
+                }
+            }
+            if (count >= 4.0) {
+                mean_a /= count; mean_b /= count;
+                vec3 spread_a = push.clamp_spread * sqrt(max(square_a / count - mean_a * mean_a, vec3(0.0)));
+                vec3 spread_b = push.clamp_spread * sqrt(max(square_b / count - mean_b * mean_b, vec3(0.0)));
+                vec3 clamped_a = clamp(old_a, mean_a - spread_a, mean_a + spread_a), clamped_b = clamp(old_b, mean_b - spread_b, mean_b + spread_b);
+                old_a = clamped_a;
+                old_b = clamped_b;
+            }
+        }
+        float length = mask == 1.0 ? min(old_moments.z + 1.0, float(in_view.view.history_limit)) : old_moments.z;
+        float blend = mask == 1.0 ? 1.0 / max(length, 1.0) : 0.0; // an interpolated value adds nothing to a history
+        a.rgb = mix(old_a, a.rgb, blend);
+        b.rgb = mix(old_b, b.rgb, blend);
+        moments = vec4(mix(old_moments.xy, moments.xy, blend), length, mix(old_moments.w, moments.w, blend));
+        luma = vec2(luminance(a.rgb), luminance(b.rgb));
+    }
+    vec2 variance = max(moments.xy - luma * luma, vec2(0.0)) / max(moments.z, 1.0);
+    imageStore(out_a, ivec3(p, layer), vec4(a.rgb, variance.x));
+    imageStore(out_b, ivec3(p, layer), vec4(b.rgb, variance.y));
+    imageStore(out_moments, ivec3(p, layer), moments);
+}
