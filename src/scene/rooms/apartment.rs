@@ -152,11 +152,11 @@ fn furnish(b: &mut Builder) {
     let sofa = Upholstery { cloth: grey, wood: walnut, pillows: vec![mustard, brick] };
     furniture::sofa(b, place(0.15, 0.0, -2.5, 0.0), 3, &sofa);
     let armchair = Upholstery { cloth: green, wood: walnut, pillows: vec![] };
-    furniture::sofa(b, place(1.85, 0.0, 0.55, -118.0), 1, &armchair);
+    furniture::sofa(b, place(1.95, 0.0, 0.40, -116.0), 1, &armchair);
     furniture::coffee_table(b, place(0.15, 0.0, -1.42, 0.0), vec2(1.05, 0.56), oak, black);
     furniture::magazines(b, place(0.47, 0.42, -1.50, 18.0), &[books[4], books[1], books[0]]);
     furniture::bookcase(b, place(MAX.x - 0.002, 0.0, -1.25, -90.0), walnut, &books, white);
-    furniture::sideboard(b, place(0.95, 0.0, MAX.z - 0.016, 180.0), 1.8, oak, white, black);
+    furniture::sideboard(b, place(0.75, 0.0, MAX.z - 0.016, 180.0), 1.56, oak, white, black);
     furniture::door(b, place(-1.35, 0.0, MAX.z, 180.0), white, white, black);
 
     let shade = b.light("lamp shade", [20.0, 13.4, 7.2]);
@@ -166,8 +166,8 @@ fn furnish(b: &mut Builder) {
     let stem = b.paint("stem", [0.13, 0.15, 0.05]);
     let leaves = [b.paint("leaf", [0.06, 0.19, 0.045]), b.paint("young leaf", [0.13, 0.28, 0.06])];
     furniture::plant(b, place(-1.92, 0.0, -2.58, 0.0), terracotta, soil, stem, leaves);
-    furniture::vase(b, place(0.45, 0.74, MAX.z - 0.22, 0.0), terracotta, soil);
-    furniture::magazines(b, place(1.4, 0.74, MAX.z - 0.22, 172.0), &[books[2], books[6], books[4]]);
+    furniture::vase(b, place(0.35, 0.74, MAX.z - 0.22, 0.0), terracotta, soil);
+    furniture::magazines(b, place(1.15, 0.74, MAX.z - 0.22, 172.0), &[books[2], books[6], books[4]]);
     furniture::basket(b, place(-2.1, 0.0, 0.62, 0.0), books[8]);
 
     for (i, x) in [-0.72, 0.15, 1.02].into_iter().enumerate() {
@@ -176,5 +176,5 @@ fn furnish(b: &mut Builder) {
         furniture::picture(b, place(x, 1.62, MIN.z, 0.0), vec2(0.52, 0.65), canvas, frame);
     }
     let canvas = b.painted("large picture", textures::picture(2));
-    furniture::picture(b, place(1.0, 1.55, MAX.z, 180.0), vec2(0.72, 0.90), canvas, walnut);
+    furniture::picture(b, place(0.85, 1.55, MAX.z, 180.0), vec2(0.72, 0.90), canvas, walnut);
 }
