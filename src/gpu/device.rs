@@ -1,0 +1,369 @@
+//! One Vulkan device and its compute queue.
+
+use std::{
+    ffi::CString,
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+};
+
+use ash::vk::{self, Handle};
+use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, vulkan as memory};
+
+use super::{
+    adapter,
+    encode::Slot,
+    memory::{Format, Staging},
+    timing::Clock,
+    validation::{self, Log},
+};
+use crate::{Error, Result};
+
+/// Which device, and how suspiciously to run on it.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// An index in Vulkan's enumeration or part of a name; `None`: the fastest kind.
+    pub device: Option<String>,
+    /// Runs under the validation layer, with synchronization checks.
+    pub validation: bool,
+}
+
+/// A Vulkan 1.3 device with one compute queue. Cheap to clone; whatever is made from it keeps it alive.
+#[derive(Clone)]
+pub struct Gpu(pub(super) Arc<Shared>);
+
+pub(super) struct Shared {
+    pub device: ash::Device,
+    pub debug: Option<ash::ext::debug_utils::Device>,
+    pub limits: vk::PhysicalDeviceLimits,
+    pub max_buffer_bytes: u64,
+    pub clock: Clock,
+    pub samplers: [vk::Sampler; 2], // linear, nearest
+    pub linear_filter: [bool; Format::ALL.len()],
+    pub storage: [bool; Format::ALL.len()],
+    pub live_bytes: AtomicU64,
+    pub next_id: AtomicU64,
+    allocator: Mutex<Option<memory::Allocator>>,
+    slots: Mutex<Vec<Slot>>,
+    staging: Mutex<Option<Staging>>,
+    queue: Mutex<vk::Queue>,
+    pub queue_family: u32,
+    name: String,
+    driver: String,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    instance: ash::Instance,
+    log: Arc<Log>,
+    _entry: ash::Entry,
+}
+
+/// Turns a failed call into an [`Error::Vulkan`] that says during what.
+pub(super) fn during(what: impl Into<String>) -> impl FnOnce(vk::Result) -> Error {
+    move |result| Error::Vulkan { during: what.into(), result }
+}
+
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Gpu {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] where there is no loader, driver, or usable device, or validation was asked for and its
+    /// layer is missing.
+    pub fn new(options: &GpuOptions) -> Result<Self> {
+        let entry = adapter::load()?;
+        let log = Arc::new(Log::default());
+        let (instance, labels) = adapter::instance(&entry, options.validation, &log)?;
+        // From here on the instance is destroyed on every path.
+        match open(&entry, &instance, labels, options, &log) {
+            Ok(parts) => Ok(Self(Arc::new(parts.share(entry, instance, log)))),
+            Err(error) => {
+                // SAFETY: `open` leaves nothing behind that was made from the instance.
+                unsafe { instance.destroy_instance(None) };
+                Err(error)
+            }
+        }
+    }
+
+    /// The device's name.
+    pub fn device_name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// The driver and its version, in words.
+    pub fn driver(&self) -> &str {
+        &self.0.driver
+    }
+
+    /// Bytes of device memory held by living buffers and images.
+    pub fn device_bytes(&self) -> u64 {
+        self.0.live_bytes.load(Ordering::Relaxed)
+    }
+
+    /// The greatest number of workgroups in one dispatch, along each axis.
+    pub fn max_groups(&self) -> [u32; 3] {
+        self.0.limits.max_compute_work_group_count
+    }
+
+    /// Every validation message so far; empty without validation.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.0.log.messages()
+    }
+
+    /// Destroys the device and the instance and returns every validation message, those of the teardown included
+    /// (a leaked object is one).
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where a buffer, image, pass, frame or clone still holds the device.
+    pub fn destroy(self) -> Result<Vec<String>> {
+        let log = Arc::clone(&self.0.log);
+        match Arc::try_unwrap(self.0) {
+            Ok(shared) => drop(shared),
+            Err(shared) => {
+                let holders = Arc::strong_count(&shared) - 1;
+                return Err(Error::Internal(format!(
+                    "{holders} objects still hold the device that is to be destroyed"
+                )));
+            }
+        }
+        Ok(log.messages())
+    }
+
+    /// For the test that wants a leak noticed: makes a fence and forgets it.
+    #[doc(hidden)]
+    pub fn leak_for_test(&self) -> Result<()> {
+        // SAFETY: forgetting a fence is what is asked for.
+        unsafe { self.0.device.create_fence(&vk::FenceCreateInfo::default(), None) }
+            .map(|_| ())
+            .map_err(during("vkCreateFence"))
+    }
+}
+
+/// What [`open`] makes.
+struct Parts {
+    chosen: adapter::Candidate,
+    device: ash::Device,
+    debug: Option<ash::ext::debug_utils::Device>,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    allocator: memory::Allocator,
+    samplers: [vk::Sampler; 2],
+}
+
+fn open(entry: &ash::Entry, instance: &ash::Instance, labels: bool, options: &GpuOptions, log: &Log) -> Result<Parts> {
+    let mut candidates = adapter::candidates(instance)?;
+    let adapters: Vec<_> = candidates.iter().map(|c| c.adapter.clone()).collect();
+    let chosen = candidates.swap_remove(adapter::choose(&adapters, options.device.as_deref())?);
+    // SAFETY: the chosen device has the features and the queue family asked for; on failure what was made is
+    // destroyed in reverse order.
+    unsafe {
+        let priorities = [1.0];
+        let queues = [vk::DeviceQueueCreateInfo::default()
+            .queue_family_index(chosen.queue_family)
+            .queue_priorities(&priorities)];
+        let features =
+            vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(chosen.extended_formats);
+        let mut v12 = vk::PhysicalDeviceVulkan12Features::default().scalar_block_layout(true).host_query_reset(true);
+        let mut v13 = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_features(&features)
+            .push_next(&mut v12)
+            .push_next(&mut v13);
+        let device = instance.create_device(chosen.handle, &info, None).map_err(|result| Error::NoDevice {
+            problem: format!("{}: vkCreateDevice: {result:?}", chosen.adapter.name),
+            remedy: "choose another device (see `iprt devices`)".into(),
+        })?;
+        let allocator = memory::Allocator::new(&memory::AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: device.clone(),
+            physical_device: chosen.handle,
+            debug_settings: AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: AllocationSizes::new(16 << 20, 16 << 20).with_max_device_memblock_size(256 << 20),
+        });
+        let allocator = match allocator {
+            Ok(allocator) => allocator,
+            Err(error) => {
+                device.destroy_device(None);
+                return Err(Error::Internal(format!("the memory allocator: {error}")));
+            }
+        };
+        let samplers = match samplers(&device) {
+            Ok(samplers) => samplers,
+            Err(error) => {
+                drop(allocator);
+                device.destroy_device(None);
+                return Err(error);
+            }
+        };
+        let messenger = if options.validation {
+            let debug = ash::ext::debug_utils::Instance::new(entry, instance);
+            // Without a messenger there would be no messages: as good as no layer.
+            match debug.create_debug_utils_messenger(&validation::messenger(log), None) {
+                Ok(messenger) => Some((debug, messenger)),
+                Err(result) => {
+                    samplers.into_iter().for_each(|s| device.destroy_sampler(s, None));
+                    drop(allocator);
+                    device.destroy_device(None);
+                    return Err(during("vkCreateDebugUtilsMessengerEXT")(result));
+                }
+            }
+        } else {
+            None
+        };
+        let debug = labels.then(|| ash::ext::debug_utils::Device::new(instance, &device));
+        Ok(Parts { chosen, device, debug, messenger, allocator, samplers })
+    }
+}
+
+/// A linear and a nearest sampler that wrap around the panorama and stop at its poles.
+fn samplers(device: &ash::Device) -> Result<[vk::Sampler; 2]> {
+    let info = |filter, mipmap_mode| {
+        vk::SamplerCreateInfo::default()
+            .mag_filter(filter)
+            .min_filter(filter)
+            .mipmap_mode(mipmap_mode)
+            .address_mode_u(vk::SamplerAddressMode::REPEAT)
+            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .max_lod(vk::LOD_CLAMP_NONE)
+    };
+    // SAFETY: valid create infos; the first is destroyed where the second fails.
+    unsafe {
+        let linear = device
+            .create_sampler(&info(vk::Filter::LINEAR, vk::SamplerMipmapMode::LINEAR), None)
+            .map_err(during("vkCreateSampler"))?;
+        match device.create_sampler(&info(vk::Filter::NEAREST, vk::SamplerMipmapMode::NEAREST), None) {
+            Ok(nearest) => Ok([linear, nearest]),
+            Err(result) => {
+                device.destroy_sampler(linear, None);
+                Err(during("vkCreateSampler")(result))
+            }
+        }
+    }
+}
+
+impl Parts {
+    fn share(self, entry: ash::Entry, instance: ash::Instance, log: Arc<Log>) -> Shared {
+        let handle = self.chosen.handle;
+        let mut v13 = vk::PhysicalDeviceVulkan13Properties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut v13);
+        // SAFETY: the physical device belongs to `instance`; the queue was asked for.
+        let (limits, features, queue) = unsafe {
+            instance.get_physical_device_properties2(handle, &mut properties);
+            let limits = properties.properties.limits;
+            let features = Format::ALL.map(|format| {
+                instance.get_physical_device_format_properties(handle, format.vulkan()).optimal_tiling_features
+            });
+            (limits, features, self.device.get_device_queue(self.chosen.queue_family, 0))
+        };
+        let mut storage = features.map(|f| f.contains(vk::FormatFeatureFlags::STORAGE_IMAGE));
+        storage[Format::Rg32f as usize] &= self.chosen.extended_formats;
+        let shared = Shared {
+            clock: Clock { valid_bits: self.chosen.timestamp_bits, period_ns: limits.timestamp_period },
+            limits,
+            max_buffer_bytes: v13.max_buffer_size,
+            linear_filter: features.map(|f| f.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)),
+            storage,
+            device: self.device,
+            debug: self.debug,
+            samplers: self.samplers,
+            live_bytes: AtomicU64::new(0),
+            next_id: AtomicU64::new(0),
+            allocator: Mutex::new(Some(self.allocator)),
+            slots: Mutex::new(Vec::new()),
+            staging: Mutex::new(None),
+            queue: Mutex::new(queue),
+            queue_family: self.chosen.queue_family,
+            name: self.chosen.adapter.name,
+            driver: self.chosen.adapter.driver,
+            messenger: self.messenger,
+            instance,
+            log,
+            _entry: entry,
+        };
+        shared.label(shared.samplers[0], "linear sampler");
+        shared.label(shared.samplers[1], "nearest sampler");
+        shared
+    }
+}
+
+impl Shared {
+    /// Names an object for debuggers and validation messages.
+    pub(super) fn label<H: Handle>(&self, handle: H, name: &str) {
+        let (Some(debug), Ok(name)) = (&self.debug, CString::new(name.replace('\0', " "))) else { return };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+        // SAFETY: the handle is alive. A name that cannot be set is no reason to stop.
+        let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+    }
+
+    pub(super) fn allocate(&self, desc: &memory::AllocationCreateDesc<'_>) -> Result<memory::Allocation> {
+        let mut allocator = lock(&self.allocator);
+        let allocator = allocator.as_mut().ok_or_else(|| Error::Internal("allocation during teardown".into()))?;
+        allocator.allocate(desc).map_err(|error| {
+            Error::input(
+                "device memory",
+                format!("{} MiB for {}: {error}", desc.requirements.size.div_ceil(1 << 20), desc.name),
+                "use smaller images or a smaller scene, or another device",
+            )
+        })
+    }
+
+    pub(super) fn free(&self, allocation: memory::Allocation) {
+        if let Some(Err(error)) = lock(&self.allocator).as_mut().map(|allocator| allocator.free(allocation)) {
+            tracing::error!("freeing device memory: {error}");
+        }
+    }
+
+    /// A slot to record into: one used before where there is one.
+    pub(super) fn take_slot(&self) -> Result<Slot> {
+        let idle = lock(&self.slots).pop();
+        idle.map_or_else(|| Slot::new(self), Ok)
+    }
+
+    /// Gives an idle slot back.
+    pub(super) fn return_slot(&self, slot: Slot) {
+        lock(&self.slots).push(slot);
+    }
+
+    pub(super) fn staging(&self) -> MutexGuard<'_, Option<Staging>> {
+        lock(&self.staging)
+    }
+
+    /// Submits one command buffer.
+    pub(super) fn submit(&self, commands: vk::CommandBuffer, fence: vk::Fence) -> std::result::Result<(), vk::Result> {
+        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
+        let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
+        let queue = lock(&self.queue);
+        // SAFETY: the command buffer is complete and the fence unsignalled; the lock serialises the queue.
+        unsafe { self.device.queue_submit2(*queue, &submits, fence) }
+    }
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        // SAFETY: every buffer, image and pass held this; none is left. The allocator goes before the device.
+        unsafe {
+            let _ = self.device.device_wait_idle(); // a lost device is torn down all the same
+            let slots = std::mem::take(&mut *lock(&self.slots));
+            for slot in slots {
+                slot.destroy(&self.device);
+            }
+            let staging = lock(&self.staging).take();
+            if let Some(staging) = staging {
+                staging.destroy(self);
+            }
+            for sampler in self.samplers {
+                self.device.destroy_sampler(sampler, None);
+            }
+            drop(lock(&self.allocator).take());
+            self.device.destroy_device(None);
+            if let Some((debug, messenger)) = &self.messenger {
+                debug.destroy_debug_utils_messenger(*messenger, None);
+            }
+            self.instance.destroy_instance(None);
+        }
+    }
+}

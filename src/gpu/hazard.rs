@@ -1,0 +1,192 @@
+//! Finds missing barriers from declared accesses alone, with no GPU. The validation layer stays the second opinion;
+//! it is silent about write-after-write between dispatches, which this is not.
+
+use std::{collections::HashMap, fmt};
+
+/// What a pass or transfer does with a resource it is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Only reads.
+    Read,
+    /// Only writes; what was there before is lost.
+    Write,
+    /// Reads and writes, in place.
+    ReadWrite,
+}
+
+impl Access {
+    fn writes(self) -> bool {
+        self != Self::Read
+    }
+}
+
+/// A buffer, or one mip level of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Resource {
+    /// Which buffer or image; unique within a device.
+    pub id: u64,
+    /// The mip level; 0 for buffers.
+    pub level: u32,
+}
+
+/// Two accesses that no barrier separates although one of them writes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Hazard {
+    /// `"read after write"`, `"write after read"`, `"write after write"` or `"bound twice"`.
+    pub kind: &'static str,
+    /// The pass or transfer recorded first.
+    pub first: String,
+    /// The one recorded later.
+    pub second: String,
+    /// The name of the buffer or image.
+    pub resource: String,
+}
+
+impl fmt::Display for Hazard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { kind, first, second, resource } = self;
+        if *kind == BOUND_TWICE {
+            return write!(f, "{first} binds {resource} twice and writes it");
+        }
+        write!(f, "{kind} on {resource}: no barrier between {first} and {second}")
+    }
+}
+
+const BOUND_TWICE: &str = "bound twice";
+
+/// What happened to one resource since the last barrier: the last writer and the last reader, as recorded indices.
+#[derive(Default)]
+struct Uses {
+    writer: Option<usize>,
+    reader: Option<usize>,
+}
+
+/// Collects accesses in recording order and the hazards among them.
+#[derive(Default)]
+pub struct Tracker {
+    entries: Vec<String>,
+    since_barrier: HashMap<Resource, Uses>,
+    hazards: Vec<Hazard>,
+}
+
+impl Tracker {
+    /// A pass or transfer called `name` that accesses these resources; the text is the resource's name.
+    pub fn entry(&mut self, name: &str, accesses: &[(Resource, &str, Access)]) {
+        let now = self.entries.len();
+        self.entries.push(name.to_owned());
+        for &(resource, resource_name, access) in accesses {
+            let uses = self.since_barrier.entry(resource).or_default();
+            let conflict = match (access.writes(), uses.writer, uses.reader) {
+                (false, Some(writer), _) => Some(("read after write", writer)),
+                (true, Some(writer), _) => {
+                    Some((if access == Access::Write { "write after write" } else { "read after write" }, writer))
+                }
+                (true, None, Some(reader)) => Some(("write after read", reader)),
+                _ => None,
+            };
+            if let Some((kind, first)) = conflict {
+                self.hazards.push(Hazard {
+                    kind: if first == now { BOUND_TWICE } else { kind },
+                    first: self.entries[first].clone(),
+                    second: name.to_owned(),
+                    resource: resource_name.to_owned(),
+                });
+            }
+            if access.writes() {
+                uses.writer = Some(now);
+            } else {
+                uses.reader = Some(now);
+            }
+        }
+    }
+
+    /// A barrier that separates all before it from all after it.
+    pub fn barrier(&mut self) {
+        self.since_barrier.clear();
+    }
+
+    /// The hazards found so far, in recording order.
+    pub fn hazards(&self) -> &[Hazard] {
+        &self.hazards
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Access::{Read, ReadWrite, Write};
+
+    fn resource(id: u64) -> Resource {
+        Resource { id, level: 0 }
+    }
+
+    fn kinds(record: impl FnOnce(&mut Tracker)) -> Vec<&'static str> {
+        let mut tracker = Tracker::default();
+        record(&mut tracker);
+        tracker.hazards().iter().map(|h| h.kind).collect()
+    }
+
+    #[test]
+    fn each_kind_is_found_and_a_barrier_clears_it() {
+        for (first, second, kind) in [
+            (Write, Read, "read after write"),
+            (Read, Write, "write after read"),
+            (Write, Write, "write after write"),
+            (ReadWrite, ReadWrite, "read after write"),
+            (ReadWrite, Read, "read after write"),
+            (Read, ReadWrite, "write after read"),
+        ] {
+            let run = |barrier: bool| {
+                kinds(|t| {
+                    t.entry("a", &[(resource(1), "x", first)]);
+                    if barrier {
+                        t.barrier();
+                    }
+                    t.entry("b", &[(resource(1), "x", second)]);
+                })
+            };
+            assert_eq!(run(false), [kind], "{first:?} then {second:?}");
+            assert!(run(true).is_empty(), "{first:?} then {second:?}");
+        }
+    }
+
+    #[test]
+    fn reads_share_and_other_resources_and_levels_do_not_conflict() {
+        let found = kinds(|t| {
+            t.entry("a", &[(resource(1), "x", Read), (resource(2), "y", Write)]);
+            t.entry("b", &[(resource(1), "x", Read), (Resource { id: 2, level: 1 }, "y", Write)]);
+            t.entry("c", &[(resource(3), "z", Write)]);
+        });
+        assert!(found.is_empty());
+    }
+
+    #[test]
+    fn both_passes_and_the_resource_are_named_across_an_unrelated_pass() {
+        let mut tracker = Tracker::default();
+        tracker.entry("irradiance", &[(resource(7), "sample list", Write)]);
+        tracker.entry("gbuffer", &[(resource(8), "normals", Write)]);
+        tracker.entry("interpolate", &[(resource(7), "sample list", Read)]);
+        assert_eq!(
+            tracker.hazards()[0].to_string(),
+            "read after write on sample list: no barrier between irradiance and interpolate"
+        );
+    }
+
+    #[test]
+    fn one_resource_bound_for_reading_and_for_writing_in_one_pass() {
+        for order in [[Read, Write], [Write, Read], [Write, Write]] {
+            let found = kinds(|t| t.entry("a", &order.map(|access| (resource(1), "x", access))));
+            assert_eq!(found, ["bound twice"]);
+        }
+    }
+
+    #[test]
+    fn a_read_after_an_earlier_write_does_not_hide_the_writer() {
+        let found = kinds(|t| {
+            t.entry("a", &[(resource(1), "x", Write)]);
+            t.entry("b", &[(resource(1), "x", Read)]);
+            t.entry("c", &[(resource(1), "x", Write)]);
+        });
+        assert_eq!(found, ["read after write", "write after write"]);
+    }
+}

@@ -1,0 +1,173 @@
+//! One compute shader as a value: declaration, and the pipeline made from it.
+
+use std::{fmt, sync::Arc};
+
+use ash::vk;
+
+pub use super::hazard::Access;
+use super::{
+    device::{Gpu, during},
+    layout::{PushLayout, StructLayout},
+    reflect::{self, Slot},
+};
+use crate::{Error, Result};
+
+/// What a pass is, in one place: its shader, and what that takes. Checked against the SPIR-V by [`Gpu::pass`].
+#[derive(Clone, Copy, Debug)]
+pub struct PassDeclaration {
+    /// The shader's stem, and the pass's name in timings and labels.
+    pub name: &'static str,
+    /// The shader.
+    pub spirv: &'static [u32],
+    /// What it binds in set 0, by GLSL name (a block's instance name), and what it does with it.
+    pub bindings: &'static [(&'static str, Access)],
+    /// Its push constant block.
+    pub push: Option<PushLayout>,
+    /// The structs in its buffers, by GLSL name.
+    pub structs: &'static [StructLayout],
+}
+
+/// A compute pipeline. A clone is the same pipeline; the last one frees it.
+#[derive(Clone)]
+pub struct Pass(pub(super) Arc<PassData>);
+
+pub(super) struct PassData {
+    pub gpu: Gpu,
+    pub name: &'static str,
+    pub slots: Vec<Slot>,
+    pub push: Option<PushLayout>,
+    pub local_size: [u32; 3],
+    pub set_layout: vk::DescriptorSetLayout,
+    pub layout: vk::PipelineLayout,
+    pub pipeline: vk::Pipeline,
+}
+
+impl Pass {
+    /// The name in its declaration.
+    pub fn name(&self) -> &'static str {
+        self.0.name
+    }
+
+    /// Threads of one workgroup along each axis.
+    pub fn local_size(&self) -> [u32; 3] {
+        self.0.local_size
+    }
+}
+
+impl fmt::Debug for Pass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Pass({}, {:?})", self.0.name, self.0.local_size)
+    }
+}
+
+impl Gpu {
+    /// Makes a pass; `specialization` holds values by `constant_id` (floats and bools as their bits).
+    ///
+    /// # Errors
+    /// [`Error::Internal`] that names shader and field where the declaration and the SPIR-V disagree;
+    /// [`Error::Input`] where the workgroup exceeds the device's limits.
+    pub fn pass(&self, declaration: &PassDeclaration, specialization: &[(u32, u32)]) -> Result<Pass> {
+        let reflected = reflect::check(declaration, specialization)?;
+        let name = declaration.name;
+        let limits = &self.0.limits;
+        let size = reflected.local_size;
+        let threads = size.iter().map(|&n| u64::from(n)).product::<u64>();
+        if threads > u64::from(limits.max_compute_work_group_invocations)
+            || (0..3).any(|i| size[i] > limits.max_compute_work_group_size[i])
+        {
+            return Err(Error::input(
+                format!("shader {name}"),
+                format!("its workgroup of {size:?} exceeds this device's limits"),
+                "use another device",
+            ));
+        }
+        if declaration.push.is_some_and(|push| push.size % 4 != 0) {
+            return Err(Error::Internal(format!("shader {name}: push constants are not a multiple of 4 bytes")));
+        }
+        // From here on dropping `data` frees whatever has been made.
+        let mut data = PassData {
+            gpu: self.clone(),
+            name,
+            slots: reflected.slots,
+            push: declaration.push,
+            local_size: size,
+            set_layout: vk::DescriptorSetLayout::null(),
+            layout: vk::PipelineLayout::null(),
+            pipeline: vk::Pipeline::null(),
+        };
+        data.build(declaration.spirv, specialization)?;
+        Ok(Pass(Arc::new(data)))
+    }
+}
+
+impl PassData {
+    fn build(&mut self, spirv: &[u32], specialization: &[(u32, u32)]) -> Result<()> {
+        let shared = &self.gpu.0;
+        let (device, name) = (&shared.device, self.name);
+        let bindings: Vec<_> = self
+            .slots
+            .iter()
+            .map(|slot| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(slot.binding)
+                    .descriptor_type(slot.kind.descriptor())
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let map: Vec<_> = specialization
+            .iter()
+            .enumerate()
+            .map(|(i, &(id, _))| vk::SpecializationMapEntry { constant_id: id, offset: 4 * i as u32, size: 4 })
+            .collect();
+        let values: Vec<u32> = specialization.iter().map(|&(_, value)| value).collect();
+        let constants = vk::SpecializationInfo::default().map_entries(&map).data(bytemuck::cast_slice(&values));
+        // SAFETY: the SPIR-V was read and matches the layouts made from it.
+        unsafe {
+            self.set_layout = device
+                .create_descriptor_set_layout(&vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings), None)
+                .map_err(during(format!("vkCreateDescriptorSetLayout for {name}")))?;
+            let layouts = [self.set_layout];
+            let ranges = [vk::PushConstantRange::default()
+                .stage_flags(vk::ShaderStageFlags::COMPUTE)
+                .size(self.push.map_or(0, |push| push.size as u32))];
+            let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+            if self.push.is_some() {
+                info = info.push_constant_ranges(&ranges);
+            }
+            self.layout = device
+                .create_pipeline_layout(&info, None)
+                .map_err(during(format!("vkCreatePipelineLayout for {name}")))?;
+            let module = device
+                .create_shader_module(&vk::ShaderModuleCreateInfo::default().code(spirv), None)
+                .map_err(during(format!("vkCreateShaderModule for {name}")))?;
+            shared.label(module, name);
+            let stage = vk::PipelineShaderStageCreateInfo::default()
+                .stage(vk::ShaderStageFlags::COMPUTE)
+                .module(module)
+                .name(c"main")
+                .specialization_info(&constants);
+            let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
+            device.destroy_shader_module(module, None);
+            let made = made.map_err(|(_, result)| during(format!("vkCreateComputePipelines for {name}"))(result))?;
+            self.pipeline = made[0];
+            shared.label(self.set_layout, name);
+            shared.label(self.layout, name);
+            shared.label(self.pipeline, name);
+        }
+        Ok(())
+    }
+}
+
+impl Drop for PassData {
+    fn drop(&mut self) {
+        let device = &self.gpu.0.device;
+        // SAFETY: frames that use the pass hold it; the last holder is gone. Null handles are ignored.
+        unsafe {
+            device.destroy_pipeline(self.pipeline, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! The Khronos validation layer: asked for in full (core and synchronization checks), its messages collected.
+
+use std::{
+    ffi::{CStr, c_void},
+    sync::{Mutex, PoisonError},
+};
+
+use ash::vk;
+
+use crate::{Error, Result};
+
+pub(super) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Every validation message so far.
+#[derive(Default)]
+pub(super) struct Log(Mutex<Vec<String>>);
+
+impl Log {
+    fn push(&self, message: String) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(message);
+    }
+
+    pub(super) fn messages(&self) -> Vec<String> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+unsafe extern "system" fn on_message(
+    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    log: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: Vulkan passes valid message data, and `log` is the `Log` that outlives the instance.
+    let (text, log) = unsafe {
+        let text = data.as_ref().and_then(|data| data.message_as_c_str());
+        (text.map(|text| text.to_string_lossy().into_owned()), log.cast::<Log>().as_ref())
+    };
+    if let (Some(text), Some(log)) = (text, log) {
+        tracing::warn!("validation: {text}");
+        log.push(text);
+    }
+    vk::FALSE
+}
+
+/// A messenger for warnings and errors of the layer (not the loader's gossip). `log` must outlive the instance.
+pub(super) fn messenger(log: &Log) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
+    vk::DebugUtilsMessengerCreateInfoEXT::default()
+        .message_severity(vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR)
+        .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
+        .pfn_user_callback(Some(on_message))
+        .user_data(std::ptr::from_ref(log).cast_mut().cast())
+}
+
+/// How the installed layer can be configured.
+#[derive(Clone, Copy)]
+pub(super) struct LayerSupport {
+    /// `VK_EXT_validation_features`.
+    pub features: bool,
+    /// `VK_EXT_layer_settings`.
+    pub settings: bool,
+}
+
+/// Looks for the layer.
+///
+/// # Errors
+/// [`Error::NoDevice`] that names the package to install where it is missing.
+pub(super) fn find_layer(entry: &ash::Entry) -> Result<LayerSupport> {
+    // SAFETY: plain queries.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+    if !layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(LAYER)) {
+        return Err(Error::NoDevice {
+            problem: "validation was asked for and VK_LAYER_KHRONOS_validation is not installed".into(),
+            remedy: "install it (Debian, Ubuntu: vulkan-validationlayers; Fedora: vulkan-validation-layers) or leave validation off".into(),
+        });
+    }
+    // SAFETY: as above.
+    let extensions = unsafe { entry.enumerate_instance_extension_properties(Some(LAYER)) }.unwrap_or_default();
+    let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+    Ok(LayerSupport {
+        features: has(ash::ext::validation_features::NAME),
+        settings: has(ash::ext::layer_settings::NAME),
+    })
+}
+
+/// Synchronization validation for layers configured by `VkValidationFeaturesEXT`.
+pub(super) const FEATURES: [vk::ValidationFeatureEnableEXT; 1] =
+    [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+
+static ON: vk::Bool32 = vk::TRUE;
+
+/// Synchronization validation for layers configured by `VK_EXT_layer_settings`. Without the last one a program of
+/// compute passes alone shows no hazard at all.
+pub(super) fn settings() -> [vk::LayerSettingEXT<'static>; 3] {
+    [c"validate_sync", c"syncval_submit_time_validation", c"syncval_shader_accesses_heuristic"].map(|name| {
+        vk::LayerSettingEXT {
+            value_count: 1, // ash's setter would count bytes
+            p_values: std::ptr::from_ref(&ON).cast(),
+            ..vk::LayerSettingEXT::default().layer_name(LAYER).setting_name(name).ty(vk::LayerSettingTypeEXT::BOOL32)
+        }
+    })
+}
+
+/// The environment variable by which older layers are asked to check hazards across submissions too.
+pub const SUBMIT_CHECKS: (&str, &str) = (
+    "VK_LAYER_ENABLES",
+    "VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT:\
+     VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT",
+);
+
+/// Sets [`SUBMIT_CHECKS`] unless the user has set that variable.
+///
+/// # Safety
+/// No other thread may run: call it first thing in `main`. Tests get it from `.cargo/config.toml` instead.
+pub unsafe fn enable_submit_checks() {
+    let (name, value) = SUBMIT_CHECKS;
+    if std::env::var_os(name).is_none() {
+        // SAFETY: the caller's promise.
+        unsafe { std::env::set_var(name, value) };
+    }
+}
