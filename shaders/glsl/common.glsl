@@ -45,8 +45,6 @@ struct View {
     uint rays_per_16;
     uint history_limit;
     uint relit;
-    uint light_sampling;
-    uvec2 light_size;
     uvec2 relight_size;
 };
 

@@ -1,0 +1,77 @@
+//! Pass 5, `atrous`: the edge-avoiding filter, up to five levels.
+
+use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
+use crate::{
+    Error, Result,
+    gpu::{Access, Bind, Frame, Gpu, Image, Threads},
+    gpu_struct,
+    settings::Settings,
+    shaders,
+};
+
+gpu_struct! {
+    /// Push constants of `atrous.comp`.
+    pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32 }
+}
+
+/// See the module.
+pub struct Atrous(Kernel);
+
+impl Atrous {
+    /// Builds the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        use Access::{Read, Write};
+        const BINDINGS: &[(&str, Access)] = &[
+            ("in_view", Read),
+            ("in_position", Read),
+            ("in_normal", Read),
+            ("in_motion", Read),
+            ("in_mask", Read),
+            ("in_tiles", Read),
+            ("in_arguments", Read),
+            ("in_a", Read),
+            ("in_b", Read),
+            ("in_moments", Read),
+            ("out_a", Write),
+            ("out_b", Write),
+        ];
+        Ok(Self(Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, BINDINGS, &[], &[])?))
+    }
+
+    /// Records the levels, from the accumulated a and b into what [`Atrous::result`] names.
+    pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings) -> Result<()> {
+        for level in 0..settings.atrous_levels {
+            if level > 0 {
+                frame.barrier("atrous reads the level below");
+            }
+            let (from, to) = (Self::names(level), Self::names(level + 1));
+            let special = [
+                ("in_a", Bind::from(image(view, from[0])?)),
+                ("in_b", Bind::from(image(view, from[1])?)),
+                ("out_a", Bind::from(image(view, to[0])?)),
+                ("out_b", Bind::from(image(view, to[1])?)),
+            ];
+            let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance };
+            self.0.dispatch(frame, &special, &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))?;
+        }
+        Ok(())
+    }
+
+    /// The images that hold a and b after the last level.
+    pub fn result<'a>(view: &'a View, settings: &Settings) -> Result<[&'a Image; 2]> {
+        let [a, b] = Self::names(settings.atrous_levels);
+        Ok([image(view, a)?, image(view, b)?])
+    }
+
+    fn names(level: u32) -> [&'static str; 2] {
+        match level {
+            0 => ["a", "b"],
+            odd if odd % 2 == 1 => ["filtered_a", "filtered_b"],
+            _ => ["scratch_a", "scratch_b"],
+        }
+    }
+}
+
+fn image<'a>(view: &'a View, name: &str) -> Result<&'a Image> {
+    view.resources.image(name).ok_or_else(|| Error::Internal(format!("no image {name}")))
+}

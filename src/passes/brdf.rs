@@ -1,0 +1,67 @@
+//! The table of GGX's directional albedo that `brdf.glsl` reads.
+
+/// Width and height of the table, as `ENERGY_SIZE` in `brdf.glsl`.
+pub const ENERGY_SIZE: usize = 32;
+
+/// Directional albedo of the GGX lobe (height-correlated Smith, Schlick) as ρ = F0·x + F90·y, over cos θ_o (columns) and roughness
+/// (rows), both at cell centres; x + y is the albedo of a perfect reflector. Numerical integral of visible-normal samples
+/// (Karis 2013's split of the Fresnel term).
+pub fn brdf_table() -> Vec<[f32; 2]> {
+    const SAMPLES: usize = 32;
+    let mut table = Vec::with_capacity(ENERGY_SIZE * ENERGY_SIZE);
+    for row in 0..ENERGY_SIZE {
+        let roughness = (row as f64 + 0.5) / ENERGY_SIZE as f64;
+        let alpha = roughness * roughness;
+        for column in 0..ENERGY_SIZE {
+            let cosine = (column as f64 + 0.5) / ENERGY_SIZE as f64;
+            let o = glam::DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+            let (mut a, mut b) = (0.0, 0.0);
+            for i in 0..SAMPLES * SAMPLES {
+                let u = ((i % SAMPLES) as f64 + 0.5) / SAMPLES as f64;
+                let v = ((i / SAMPLES) as f64 + 0.5) / SAMPLES as f64;
+                let h = visible_normal(o, alpha, u, v);
+                let light = 2.0 * o.dot(h) * h - o;
+                if light.z <= 0.0 {
+                    continue;
+                }
+                let (lambda_o, lambda_i) = (smith_lambda(o.z, alpha), smith_lambda(light.z, alpha));
+                let weight = (1.0 + lambda_o) / (1.0 + lambda_o + lambda_i);
+                let fresnel = (1.0 - o.dot(h)).clamp(0.0, 1.0).powi(5);
+                a += weight * (1.0 - fresnel);
+                b += weight * fresnel;
+            }
+            let n = (SAMPLES * SAMPLES) as f64;
+            table.push([(a / n) as f32, (b / n) as f32]);
+        }
+    }
+    table
+}
+
+fn smith_lambda(cosine: f64, alpha: f64) -> f64 {
+    let c2 = cosine * cosine;
+    0.5 * ((1.0 + alpha * alpha * (1.0 - c2) / c2).sqrt() - 1.0)
+}
+
+/// A half vector by the density of normals visible from `o` (Dupuy and Benyoub 2023).
+fn visible_normal(o: glam::DVec3, alpha: f64, u: f64, v: f64) -> glam::DVec3 {
+    let stretched = glam::DVec3::new(o.x * alpha, o.y * alpha, o.z).normalize();
+    let (sin, cos) = (std::f64::consts::TAU * u).sin_cos();
+    let z = (1.0 - v) * (1.0 + stretched.z) - stretched.z;
+    let r = (1.0 - z * z).clamp(0.0, 1.0).sqrt();
+    let h = glam::DVec3::new(r * cos, r * sin, z) + stretched;
+    glam::DVec3::new(h.x * alpha, h.y * alpha, h.z.max(1e-9)).normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smooth_reflector_loses_nothing_and_a_rough_one_does() {
+        let table = brdf_table();
+        let energy = |row: usize, column: usize| table[row * ENERGY_SIZE + column][0] + table[row * ENERGY_SIZE + column][1];
+        assert!((energy(0, 16) - 1.0).abs() < 1e-3);
+        // α = 1, normal incidence: published values of E are about 0.45 to 0.55 there
+        assert!((0.4..0.6).contains(&energy(31, 31)), "{}", energy(31, 31));
+    }
+}

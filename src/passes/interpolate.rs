@@ -1,0 +1,46 @@
+//! Pass 4, `interpolate`: pixels that were not traced, from traced neighbours.
+
+use super::{resources::Kernel, view::View};
+use crate::{
+    Result,
+    gpu::{Access, Frame, Gpu, Threads},
+    gpu_struct,
+    settings::Settings,
+    shaders,
+};
+
+/// Byte offset of the tile list's indirect arguments, as in `list.glsl`.
+pub const LIST_TILES: u64 = 32;
+
+gpu_struct! {
+    /// Push constants of `interpolate.comp`.
+    pub struct InterpolatePush { pub radius: i32 }
+}
+
+/// See the module.
+pub struct Interpolate(Kernel);
+
+impl Interpolate {
+    /// Builds the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        use Access::{Read, ReadWrite};
+        const BINDINGS: &[(&str, Access)] = &[
+            ("in_view", Read),
+            ("in_position", Read),
+            ("in_normal", Read),
+            ("in_motion", Read),
+            ("in_mask", Read),
+            ("in_tiles", Read),
+            ("in_arguments", Read),
+            ("irradiance_a", ReadWrite),
+            ("irradiance_b", ReadWrite),
+        ];
+        Ok(Self(Kernel::new::<InterpolatePush>(gpu, "interpolate", shaders::INTERPOLATE, BINDINGS, &[], &[])?))
+    }
+
+    /// Records the dispatch. The radius reaches traced pixels at every rate.
+    pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings) -> Result<()> {
+        let push = InterpolatePush { radius: if settings.rays_per_pixel >= 0.25 { 2 } else { 4 } };
+        self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
+    }
+}

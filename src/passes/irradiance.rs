@@ -1,0 +1,65 @@
+//! Pass 3, `irradiance`: one path per traced surface, first the real ones, then the virtual ones that see them relit.
+
+use super::{
+    gbuffer::SCENE_STRUCTS,
+    resources::{Kernel, Resource, Resources},
+    scene::SceneBuffers,
+    view::View,
+};
+use crate::{
+    Result,
+    gpu::{Access, Frame, Gpu, Image, Threads},
+    shaders,
+};
+
+/// Byte offsets of the two lists' indirect arguments, as in `list.glsl`.
+const LIST_REAL: u64 = 0;
+const LIST_VIRTUAL: u64 = 16;
+
+/// The relit panorama's map, E_R and ΔE of real surfaces, as rays read it.
+pub struct Relight<'a> {
+    /// E_R.
+    pub real: &'a Image,
+    /// ΔE.
+    pub change: &'a Image,
+}
+
+/// See the module.
+pub struct Irradiance {
+    real: Kernel,
+    other: Kernel,
+}
+
+impl Irradiance {
+    /// Builds the pipelines.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        use Access::{Read, Write};
+        macro_rules! bindings {
+            ($($extra:expr),*) => { &[
+                ("in_view", Read), ("panorama_radiance", Read), ("in_depth", Read), ("in_angles", Read), ("in_pyramid", Read),
+                ("in_triangles", Read), ("in_shading", Read), ("in_vertices", Read), ("in_nodes", Read), ("in_instances", Read),
+                ("in_top_nodes", Read), ("in_materials", Read), ("in_textures", Read), ("in_texels", Read), ("in_energy", Read),
+                ("in_relight_real", Read), ("in_relight_change", Read), ("in_position", Read), ("in_normal", Read), ("in_hit", Read),
+                ("in_list", Read), ("in_arguments", Read), ("out_irradiance_a", Write), ("out_irradiance_b", Write), $($extra),*
+            ] };
+        }
+        const BINDINGS: &[(&str, Access)] = bindings!();
+        let kernel = |layer: u32| Kernel::new::<()>(gpu, "irradiance", shaders::IRRADIANCE, BINDINGS, SCENE_STRUCTS, &[(1, layer)]);
+        Ok(Self { real: kernel(0)?, other: kernel(1)? })
+    }
+
+    /// Records the real list, and the virtual one unless the view shows no objects.
+    pub fn record(&self, frame: &mut Frame, view: &View, panorama: &Resources, scene: &SceneBuffers, relight: &Relight, objects: bool) -> Result<()> {
+        let mut relit = Resources::default();
+        relit.add("relight_real", Resource::Image(relight.real.clone()));
+        relit.add("relight_change", Resource::Image(relight.change.clone()));
+        let pools = [&view.resources, panorama, &scene.resources, &relit];
+        self.real.dispatch(frame, &[], &pools, &(), Threads::Indirect(&view.arguments, LIST_REAL))?;
+        if objects {
+            // the two write different layers of the same images
+            frame.barrier("virtual surfaces after real ones");
+            self.other.dispatch(frame, &[], &pools, &(), Threads::Indirect(&view.arguments, LIST_VIRTUAL))?;
+        }
+        Ok(())
+    }
+}

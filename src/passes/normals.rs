@@ -1,0 +1,74 @@
+//! `normals`, per video frame: plane fits through the depth, hole-aware and edge-aware; depth that came as integer codes moves onto
+//! its plane within its step.
+
+use super::{panorama::Panorama, resources::{Kernel, Resources}};
+use crate::{
+    Result,
+    gpu::{Access, Bind, Frame, Gpu, Threads},
+    gpu_struct,
+    panorama::depth::Quantisation,
+    shaders,
+};
+
+gpu_struct! {
+    /// Push constants of `plane_fit.comp` and `normals.comp`.
+    pub struct NormalsPush {
+        pub radius: i32,
+        pub stride: i32,
+        pub step_disparity: f32,
+        pub step_radial: f32,
+        pub relative: f32,
+    }
+}
+
+/// See the module.
+pub struct Normals {
+    plane_fit: Kernel,
+    select: Kernel,
+}
+
+impl Normals {
+    /// Builds the pipelines.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        use Access::{Read, ReadWrite, Write};
+        const FIT: &[(&str, Access)] = &[("in_view", Read), ("in_depth", Read), ("in_angles", Read), ("out_plane", Write)];
+        const SELECT: &[(&str, Access)] = &[
+            ("in_view", Read),
+            ("in_depth", Read),
+            ("in_angles", Read),
+            ("in_plane", Read),
+            ("out_panorama_normal", Write),
+            ("out_depth", ReadWrite),
+        ];
+        Ok(Self {
+            plane_fit: Kernel::new::<NormalsPush>(gpu, "normals", shaders::PLANE_FIT, FIT, &[], &[])?,
+            select: Kernel::new::<NormalsPush>(gpu, "normals", shaders::NORMALS, SELECT, &[], &[])?,
+        })
+    }
+
+    /// Records both dispatches. `radius` 0 chooses by the depth's quality: integer codes are noisy and want wide fits.
+    pub fn record(&self, frame: &mut Frame, panorama: &Panorama, view: &Resources, quantisation: Quantisation, radius: u32) -> Result<()> {
+        let [width, height] = panorama.depth_size;
+        let (step_disparity, step_radial) = match quantisation {
+            Quantisation::None => (0.0, 0.0),
+            Quantisation::Disparity { step } => (step, 0.0),
+            Quantisation::Radial { step } => (0.0, step),
+        };
+        let automatic = if quantisation == Quantisation::None { 1 } else { (width / 128).clamp(2, 24) };
+        let radius = if radius == 0 { automatic } else { radius };
+        let push = NormalsPush {
+            radius: radius as i32,
+            stride: radius.div_ceil(3) as i32, // at most 7×7 taps
+            step_disparity,
+            step_radial,
+            relative: 0.005,
+        };
+        let raw = ("in_depth", Bind::from(panorama.raw_depth()));
+        let threads = Threads::Size([width, height, 1]);
+        let pools = [&panorama.resources, view];
+        self.plane_fit.dispatch(frame, std::slice::from_ref(&raw), &pools, &push, threads)?;
+        frame.barrier("normals chooses among the planes fitted");
+        let threads = Threads::Size([width, height, 1]);
+        self.select.dispatch(frame, &[raw], &pools, &push, threads)
+    }
+}

@@ -1,0 +1,29 @@
+//! `radiance_pyramid`, per video frame: mip levels of the panorama's radiance, where the picture is coarser than it.
+
+use super::{panorama::Panorama, resources::{Kernel, Resources}};
+use crate::{Result, gpu::{Access, Frame, Gpu, Threads}, shaders};
+
+/// See the module.
+pub struct RadiancePyramid(Kernel);
+
+impl RadiancePyramid {
+    /// Builds the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        const BINDINGS: &[(&str, Access)] = &[("in_level", Access::Read), ("out_level", Access::Write)];
+        Ok(Self(Kernel::new::<()>(gpu, "radiance_pyramid", shaders::RADIANCE_PYRAMID, BINDINGS, &[], &[])?))
+    }
+
+    /// Records all levels.
+    pub fn record(&self, frame: &mut Frame, panorama: &Panorama) -> Result<()> {
+        let image = panorama.radiance();
+        for level in 1..image.levels() {
+            if level > 1 {
+                frame.barrier("radiance_pyramid reads the level below");
+            }
+            let [width, height] = image.level_size(level);
+            let special = [("in_level", image.level(level - 1)), ("out_level", image.level(level))];
+            self.0.dispatch(frame, &special, &[&Resources::default()], &(), Threads::Size([width, height, 1]))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,89 @@
+//! Named buffers and images, and how a pass finds those it declares.
+
+use crate::{
+    Error, Result,
+    gpu::{Access, Bind, Buffer, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout, StructLayout, Threads},
+};
+
+/// What a name stands for.
+#[derive(Clone)]
+pub enum Resource {
+    /// A buffer.
+    Buffer(Buffer),
+    /// An image.
+    Image(Image),
+    /// This frame's image and the previous frame's.
+    History([Image; 2]),
+}
+
+/// Buffers and images by name. Shaders call the same thing `in_name`, `out_name` or `name` by direction, and
+/// `history_name` where they read the previous frame's.
+#[derive(Clone, Default)]
+pub struct Resources(pub Vec<(&'static str, Resource)>);
+
+impl Resources {
+    /// Adds a resource.
+    pub fn add(&mut self, name: &'static str, resource: Resource) {
+        self.0.push((name, resource));
+    }
+
+    /// The image of this name as the current frame writes it.
+    pub fn image(&self, name: &str) -> Option<&Image> {
+        self.0.iter().find(|(n, _)| *n == name).and_then(|(_, resource)| match resource {
+            Resource::Image(image) => Some(image),
+            Resource::History([current, _]) => Some(current),
+            Resource::Buffer(_) => None,
+        })
+    }
+
+    /// The current images become the previous ones.
+    pub fn swap_history(&mut self) {
+        for (_, resource) in &mut self.0 {
+            if let Resource::History(pair) = resource {
+                pair.swap(0, 1);
+            }
+        }
+    }
+
+    fn find(&self, binding: &str) -> Option<Bind> {
+        let previous = binding.strip_prefix("history_");
+        let name = previous.or(binding.strip_prefix("in_")).or(binding.strip_prefix("out_")).unwrap_or(binding);
+        self.0.iter().find(|(n, _)| *n == name).map(|(_, resource)| match resource {
+            Resource::Buffer(buffer) => Bind::from(buffer),
+            Resource::Image(image) => Bind::from(image),
+            Resource::History(pair) => Bind::from(&pair[usize::from(previous.is_some())]),
+        })
+    }
+}
+
+/// A pass with its declaration, dispatched by names.
+pub struct Kernel {
+    pass: Pass,
+    declaration: PassDeclaration,
+}
+
+impl Kernel {
+    /// Declares and builds a pass: bindings by GLSL name with their access, `P` its push constants.
+    pub fn new<P: GpuStruct>(
+        gpu: &Gpu, name: &'static str, spirv: &'static [u32], bindings: &'static [(&'static str, Access)], structs: &'static [StructLayout],
+        specialization: &[(u32, u32)],
+    ) -> Result<Self> {
+        let push = (size_of::<P>() > 0).then(PushLayout::of::<P>);
+        let declaration = PassDeclaration { name, spirv, bindings, push, structs };
+        Ok(Self { pass: gpu.pass(&declaration, specialization)?, declaration })
+    }
+
+    /// Records one dispatch; `special` goes before the pools, which are searched in order.
+    pub fn dispatch<P: GpuStruct>(
+        &self, frame: &mut Frame, special: &[(&'static str, Bind)], pools: &[&Resources], push: &P, threads: Threads,
+    ) -> Result<()> {
+        let mut bound = Vec::with_capacity(self.declaration.bindings.len());
+        for (name, _) in self.declaration.bindings {
+            let bind = special.iter().find(|(n, _)| n == name).map(|(_, bind)| bind.clone());
+            let bind = bind.or_else(|| pools.iter().find_map(|pool| pool.find(name)));
+            let bind = bind.ok_or_else(|| Error::Internal(format!("{}: nothing is called {name}", self.declaration.name)))?;
+            bound.push((*name, bind));
+        }
+        frame.dispatch(&self.pass, &bound, push, threads)
+    }
+}

@@ -1,0 +1,51 @@
+//! Pass 2, `sampling_mask`: which pixels trace this frame, compacted.
+
+use super::{resources::Kernel, view::View};
+use crate::{
+    Result,
+    gpu::{Access, Frame, Gpu, Threads},
+    gpu_struct,
+    settings::Settings,
+    shaders,
+};
+
+gpu_struct! {
+    /// Push constants of `sampling_mask.comp`.
+    pub struct SamplingMaskPush { pub dense: u32, pub history_valid: u32, pub short_history: u32, pub sharp_roughness: f32 }
+}
+
+/// See the module.
+pub struct SamplingMask(Kernel);
+
+impl SamplingMask {
+    /// Builds the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        use Access::{Read, ReadWrite, Write};
+        const BINDINGS: &[(&str, Access)] = &[
+            ("in_view", Read),
+            ("in_position", Read),
+            ("in_normal", Read),
+            ("in_motion", Read),
+            ("in_coverage", Read),
+            ("history_moments", Read),
+            ("out_mask", Write),
+            ("out_list", Write),
+            ("out_tiles", Write),
+            ("out_arguments", ReadWrite),
+        ];
+        Ok(Self(Kernel::new::<SamplingMaskPush>(gpu, "sampling_mask", shaders::SAMPLING_MASK, BINDINGS, &[], &[])?))
+    }
+
+    /// Records the clearing of the lists and the dispatch.
+    pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings, history_valid: bool) -> Result<()> {
+        frame.fill(&view.arguments, 0)?;
+        frame.barrier("sampling_mask counts from zero");
+        let push = SamplingMaskPush {
+            dense: u32::from(!settings.sampling_mask),
+            history_valid: u32::from(history_valid),
+            short_history: settings.short_history,
+            sharp_roughness: settings.sharp_roughness,
+        };
+        self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Size([view.size[0], view.size[1], 1]))
+    }
+}

@@ -1,0 +1,54 @@
+//! Pass 5, `temporal`: accumulation along motion vectors.
+
+use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
+use crate::{
+    Result,
+    gpu::{Access, Frame, Gpu, Threads},
+    gpu_struct, shaders,
+};
+
+gpu_struct! {
+    /// Push constants of `temporal.comp`.
+    pub struct TemporalPush { pub history_valid: u32, pub clamp_spread: f32 }
+}
+
+/// See the module.
+pub struct Temporal {
+    still: Kernel,
+    clamped: Kernel,
+}
+
+impl Temporal {
+    /// Builds the pipelines, without and with clamping.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        use Access::{Read, Write};
+        const BINDINGS: &[(&str, Access)] = &[
+            ("in_view", Read),
+            ("in_normal", Read),
+            ("in_motion", Read),
+            ("in_mask", Read),
+            ("in_tiles", Read),
+            ("in_arguments", Read),
+            ("in_irradiance_a", Read),
+            ("in_irradiance_b", Read),
+            ("history_position", Read),
+            ("history_normal", Read),
+            ("history_motion", Read),
+            ("history_a", Read),
+            ("history_b", Read),
+            ("history_moments", Read),
+            ("out_a", Write),
+            ("out_b", Write),
+            ("out_moments", Write),
+        ];
+        let kernel = |clamp: u32| Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, BINDINGS, &[], &[(2, clamp)]);
+        Ok(Self { still: kernel(0)?, clamped: kernel(1)? })
+    }
+
+    /// Records the dispatch; `clamp_spread` in standard deviations, 0 for none.
+    pub fn record(&self, frame: &mut Frame, view: &View, history_valid: bool, clamp_spread: f32) -> Result<()> {
+        let kernel = if clamp_spread > 0.0 { &self.clamped } else { &self.still };
+        let push = TemporalPush { history_valid: u32::from(history_valid), clamp_spread };
+        kernel.dispatch(frame, &[], &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
+    }
+}

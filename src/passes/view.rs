@@ -1,0 +1,163 @@
+//! One picture being made: its images, its history, and the data that every pass reads.
+
+use super::resources::{Resource, Resources};
+use crate::{
+    Result,
+    gpu::{Buffer, Format, Gpu},
+    gpu_struct,
+};
+use glam::{Mat3, Quat, Vec2, Vec3};
+
+gpu_struct! {
+    /// `View` in `common.glsl`. Positions are metres relative to the panorama's centre.
+    pub struct ViewData {
+        pub position: Vec3,
+        pub right: Vec3,
+        pub up: Vec3,
+        pub forward: Vec3,
+        pub tan_half: Vec2,
+        pub previous_position: Vec3,
+        pub previous_right: Vec3,
+        pub previous_up: Vec3,
+        pub previous_forward: Vec3,
+        pub previous_tan_half: Vec2,
+        pub size: [u32; 2],
+        pub projection: u32,
+        pub frame: u32,
+        pub seed: u32,
+        pub color_size: [u32; 2],
+        pub color_levels: u32,
+        pub depth_size: [u32; 2],
+        pub yaw: f32,
+        pub edge_ratio: f32,
+        pub thickness: f32,
+        pub pyramid_levels: u32,
+        pub level_offset: [u32; 16],
+        pub level_width: [u32; 16],
+        pub instance_count: u32,
+        pub primary_objects: u32,
+        pub bounces: u32,
+        pub coverage_samples: u32,
+        pub rays_per_16: u32,
+        pub history_limit: u32,
+        pub relit: u32,
+        pub relight_size: [u32; 2],
+    }
+}
+
+/// How directions map to pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Projection {
+    /// A pinhole.
+    Perspective,
+    /// All directions; the image centre is the camera's forward direction.
+    Equirect,
+}
+
+/// Where a picture is taken from, relative to the panorama's centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Viewpoint {
+    /// Metres from the panorama's centre, world axes.
+    pub position: Vec3,
+    /// Camera to world.
+    pub rotation: Quat,
+    /// Tangents of half the horizontal and vertical angle; unused by equirect pictures.
+    pub tan_half: Vec2,
+    /// The projection.
+    pub projection: Projection,
+}
+
+impl Viewpoint {
+    /// A pinhole with a full vertical angle in degrees.
+    pub fn perspective(position: Vec3, rotation: Quat, fov_y_degrees: f32, size: [u32; 2]) -> Self {
+        let tan_y = (0.5 * fov_y_degrees.to_radians()).tan();
+        let tan_half = Vec2::new(tan_y * size[0] as f32 / size[1] as f32, tan_y);
+        Self { position, rotation, tan_half, projection: Projection::Perspective }
+    }
+
+    /// A full panorama.
+    pub fn equirect(position: Vec3, rotation: Quat) -> Self {
+        Self { position, rotation, tan_half: Vec2::ONE, projection: Projection::Equirect }
+    }
+
+    /// Whether primary rays start at the panorama's centre, where the real surface is a look-up.
+    pub fn centred(&self) -> bool {
+        self.position.length() < 1e-5
+    }
+
+    /// Angle that one pixel of a picture of this height spans, radians.
+    pub fn pixel_angle(&self, height: u32) -> f32 {
+        match self.projection {
+            Projection::Perspective => 2.0 * self.tan_half.y / height as f32,
+            Projection::Equirect => std::f32::consts::PI / height as f32,
+        }
+    }
+
+    /// Writes this and the previous viewpoint into the view's data.
+    pub fn write(&self, previous: &Self, data: &mut ViewData) {
+        let axes = |v: &Self| {
+            let m = Mat3::from_quat(v.rotation);
+            (m.x_axis, m.y_axis, -m.z_axis)
+        };
+        (data.right, data.up, data.forward) = axes(self);
+        (data.previous_right, data.previous_up, data.previous_forward) = axes(previous);
+        (data.position, data.previous_position) = (self.position, previous.position);
+        (data.tan_half, data.previous_tan_half) = (self.tan_half, previous.tan_half);
+        data.projection = u32::from(self.projection == Projection::Equirect);
+    }
+}
+
+/// Images, lists and history of one picture.
+pub struct View {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Everything by name.
+    pub resources: Resources,
+    /// Where [`ViewData`] goes.
+    pub data: Buffer,
+    /// Indirect arguments: real list, virtual list, tiles.
+    pub arguments: Buffer,
+    /// Why the history is not to be used, if so: logged, and cleared by the next frame.
+    pub history_reset: Option<&'static str>,
+    /// The viewpoint of the previous frame.
+    pub previous: Option<Viewpoint>,
+}
+
+impl View {
+    /// Allocates a picture. `label` prefixes resource names in messages.
+    pub fn new(gpu: &Gpu, label: &str, size: [u32; 2]) -> Result<Self> {
+        let mut resources = Resources::default();
+        let image = |name: &str, layers: u32, format: Format| gpu.image(&format!("{label} {name}"), size, layers, 1, format);
+        // G-buffer
+        for (name, format) in [("position", Format::Rgba32f), ("normal", Format::Rgba16f), ("motion", Format::Rgba32f)] {
+            resources.add(name, Resource::History([image(name, 2, format)?, image(name, 2, format)?]));
+        }
+        for (name, format) in [
+            ("camera", Format::Rgba32f),
+            ("albedo", Format::Rgba16f),
+            ("emission", Format::Rgba16f),
+            ("hit", Format::Rgba32u),
+            ("coverage", Format::R32f),
+            ("radiance", Format::Rgba32f),
+        ] {
+            resources.add(name, Resource::Image(image(name, 1, format)?));
+        }
+        // per surface
+        resources.add("mask", Resource::Image(image("mask", 2, Format::R32f)?));
+        for name in ["irradiance_a", "irradiance_b", "filtered_a", "filtered_b", "scratch_a", "scratch_b"] {
+            resources.add(name, Resource::Image(image(name, 2, Format::Rgba32f)?));
+        }
+        for name in ["a", "b", "moments"] {
+            resources.add(name, Resource::History([image(name, 2, Format::Rgba32f)?, image(name, 2, Format::Rgba32f)?]));
+        }
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let tiles = u64::from(size[0].div_ceil(8)) * u64::from(size[1].div_ceil(8));
+        let arguments = gpu.buffer(&format!("{label} arguments"), 12 * 4)?;
+        let data = gpu.buffer(&format!("{label} view"), size_of::<ViewData>() as u64)?;
+        resources.add("list", Resource::Buffer(gpu.buffer(&format!("{label} list"), pixels * 2 * 4)?));
+        resources.add("tiles", Resource::Buffer(gpu.buffer(&format!("{label} tiles"), tiles * 2 * 4)?));
+        resources.add("arguments", Resource::Buffer(arguments.clone()));
+        resources.add("view", Resource::Buffer(data.clone()));
+        Ok(Self { size, resources, data, arguments, history_reset: Some("first frame"), previous: None })
+    }
+}
