@@ -1,10 +1,15 @@
 //! Compiles every `shaders/glsl/*.comp` to SPIR-V for Vulkan 1.3 and writes `shaders.rs`: one `&[u32]` constant a
-//! pass, named as the file's stem in capitals.
+//! pass, named as the file's stem in capitals. The tests' own shaders, `tests/glsl/*.comp`, go to `test_shaders.rs`.
 
 use std::{env, fs, path::PathBuf};
 
 fn main() {
-    let folder = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("shaders/glsl");
+    compile("shaders/glsl", "shaders.rs");
+    compile("tests/glsl", "test_shaders.rs");
+}
+
+fn compile(sources: &str, table_name: &str) {
+    let folder = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join(sources);
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets it"));
     println!("cargo:rerun-if-changed={}", folder.display());
     let compiler = shaderc::Compiler::new().expect("shaderc could not be initialised");
@@ -21,7 +26,7 @@ fn main() {
     });
 
     let mut stems: Vec<_> = fs::read_dir(&folder)
-        .expect("shaders/glsl is part of the source")
+        .expect("the shader folders are part of the source")
         .map(|entry| entry.expect("a readable folder").path())
         .filter(|path| path.extension().is_some_and(|e| e == "comp"))
         .collect();
@@ -39,12 +44,29 @@ fn main() {
                 Some(&options),
             )
             .unwrap_or_else(|error| panic!("{error}"));
-        let words: Vec<String> = spirv.as_binary().iter().map(|word| format!("{word:#x}")).collect();
+        let words: Vec<String> = without_source(spirv.as_binary()).iter().map(|word| format!("{word:#x}")).collect();
         table += &format!(
-            "/// SPIR-V of `shaders/glsl/{stem}.comp`.\npub const {}: &[u32] = &[{}];\n",
+            "/// SPIR-V of `{sources}/{stem}.comp`.\npub const {}: &[u32] = &[{}];\n",
             stem.to_uppercase(),
             words.join(",")
         );
     }
-    fs::write(out.join("shaders.rs"), table).expect("OUT_DIR is writable");
+    fs::write(out.join(table_name), table).expect("OUT_DIR is writable");
+}
+
+/// Leaves out the source text and line numbers that come with debug information; names of bindings and members stay.
+fn without_source(spirv: &[u32]) -> Vec<u32> {
+    const HEADER: usize = 5;
+    // OpSourceContinued, OpSource, OpSourceExtension, OpString, OpLine, OpNoLine, OpModuleProcessed
+    const DROPPED: [u32; 7] = [2, 3, 4, 7, 8, 317, 330];
+    let mut kept = spirv[..HEADER].to_vec();
+    let mut at = HEADER;
+    while at < spirv.len() {
+        let (length, opcode) = ((spirv[at] >> 16) as usize, spirv[at] & 0xffff);
+        if !DROPPED.contains(&opcode) {
+            kept.extend_from_slice(&spirv[at..at + length]);
+        }
+        at += length;
+    }
+    kept
 }

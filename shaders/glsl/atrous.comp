@@ -40,7 +40,8 @@ void main() {
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
     // A short history has no variance of its own: the first level then ignores luminance and measures the variance.
     bool young = imageLoad(in_moments, ivec3(p, layer)).z < 4.0;
-    bool measure = young && push.step_size == 1;
+    bool known = a.w >= 0.0;
+    bool measure = (young && push.step_size == 1) || !known;
 
     // the centre's variance, smoothed over 3×3, as SVGF does
     vec2 variance = vec2(0.0);
@@ -50,11 +51,13 @@ void main() {
             ivec2 q = p + ivec2(x, y);
             if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x == 0.0) continue;
             float w = (x == 0 ? 0.5 : 0.25) * (y == 0 ? 0.5 : 0.25);
-            variance += w * vec2(imageLoad(in_a, ivec3(q, layer)).w, imageLoad(in_b, ivec3(q, layer)).w);
+            vec2 v = vec2(imageLoad(in_a, ivec3(q, layer)).w, imageLoad(in_b, ivec3(q, layer)).w);
+            if (v.x < 0.0) continue;
+            variance += w * v;
             variance_total += w;
         }
     }
-    variance /= variance_total;
+    variance /= max(variance_total, 1e-6);
     vec2 inverse = measure ? vec2(0.0) : 1.0 / (push.sigma_luminance * sqrt(variance) + 1e-6);
 
     // a mirror is not filtered at all; the lobe of roughness ½ over the whole kernel
@@ -66,7 +69,9 @@ void main() {
         for (int x = -2; x <= 2; x++) {
             ivec2 q = p + ivec2(x, y) * push.step_size;
             if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x == 0.0) continue;
-            vec4 qa = imageLoad(in_a, ivec3(q, layer)), qb = imageLoad(in_b, ivec3(q, layer));
+            vec4 qa = imageLoad(in_a, ivec3(q, layer));
+            if (qa.w < 0.0) continue;
+            vec4 qb = imageLoad(in_b, ivec3(q, layer));
             vec4 qn = imageLoad(in_normal, ivec3(q, layer));
             float reach = length(vec2(x, y)) * float(push.step_size);
             float g = x == 0 && y == 0 ? 1.0 : geometry_weight(position, normal, id, imageLoad(in_position, ivec3(q, layer)), qn, imageLoad(in_motion, ivec3(q, layer)).w, pixel * reach);
@@ -82,6 +87,11 @@ void main() {
             first += w * ql;
             second += w * ql * ql;
         }
+    }
+    if (total.x <= 1e-12 || total.y <= 1e-12) {
+        imageStore(out_a, ivec3(p, layer), known ? a : vec4(vec3(0.0), -1.0));
+        imageStore(out_b, ivec3(p, layer), b);
+        return;
     }
     vec2 out_variance = variance_sum / (total * total);
     if (measure) {

@@ -42,14 +42,30 @@ float smith_lambda(float cosine, float alpha) {
 // Below this α the lobe is a mirror.
 const float MIRROR_ALPHA = 1e-3;
 
-// A direction of the GGX lobe by visible normals (Dupuy and Benyoub 2023) and its weight f·cos/p; zero weight below the
-// surface.
-vec3 brdf_sample_specular(Surface s, Lobes l, vec3 to_eye, vec2 u, out vec3 weight) {
+// The GGX lobe for a pair of directions: f·cos θ_i, and the density by which brdf_sample_specular draws `d`. Zero for a mirror.
+vec3 brdf_specular(Surface s, Lobes l, vec3 to_eye, vec3 d, out float density) {
+    float alpha = s.roughness * s.roughness;
+    density = 0.0;
+    float no = max(dot(s.normal, to_eye), 1e-4), ni = dot(s.normal, d);
+    if (alpha < MIRROR_ALPHA || ni <= 0.0 || dot(d, s.geometric) <= 0.0) return vec3(0.0);
+    vec3 h = normalize(to_eye + d);
+    float nh = max(dot(s.normal, h), 0.0), oh = max(dot(to_eye, h), 0.0);
+    float a2 = alpha * alpha, k = nh * nh * (a2 - 1.0) + 1.0;
+    float distribution = a2 / (PI * k * k);
+    float lo = smith_lambda(no, alpha), li = smith_lambda(ni, alpha);
+    density = distribution / ((1.0 + lo) * 4.0 * no);
+    float fresnel = pow(clamp(1.0 - oh, 0.0, 1.0), 5.0);
+    return (s.f0 + (vec3(s.f90) - s.f0) * fresnel) * l.scale * (distribution / (4.0 * no * (1.0 + lo + li)));
+}
+
+// A direction of the GGX lobe by visible normals (Dupuy and Benyoub 2023). A mirror's weight f·cos/p is `mirror`.
+vec3 brdf_sample_specular(Surface s, Lobes l, vec3 to_eye, vec2 u, out vec3 mirror) {
     float alpha = s.roughness * s.roughness;
     mat3 frame = basis(s.normal);
     vec3 o = to_eye * frame;
     o.z = max(o.z, 1e-4);
     vec3 h = vec3(0.0, 0.0, 1.0);
+    mirror = vec3(0.0);
     if (alpha >= MIRROR_ALPHA) {
         vec3 stretched = normalize(vec3(o.xy * alpha, o.z));
         float phi = 2.0 * PI * u.x;
@@ -57,13 +73,8 @@ vec3 brdf_sample_specular(Surface s, Lobes l, vec3 to_eye, vec2 u, out vec3 weig
         float r = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
         h = vec3(r * cos(phi), r * sin(phi), z) + stretched;
         h = normalize(vec3(h.xy * alpha, max(h.z, 1e-6)));
-    }
-    vec3 i = reflect(-o, h);
-    vec3 d = normalize(frame * i);
-    weight = vec3(0.0);
-    if (i.z <= 0.0 || dot(d, s.geometric) <= 0.0) return d;
-    float fresnel = pow(clamp(1.0 - dot(o, h), 0.0, 1.0), 5.0);
-    float lo = alpha >= MIRROR_ALPHA ? smith_lambda(o.z, alpha) : 0.0, li = alpha >= MIRROR_ALPHA ? smith_lambda(i.z, alpha) : 0.0;
-    weight = (s.f0 + (vec3(s.f90) - s.f0) * fresnel) * l.scale * ((1.0 + lo) / (1.0 + lo + li));
+    } else mirror = (s.f0 + (vec3(s.f90) - s.f0) * pow(clamp(1.0 - o.z, 0.0, 1.0), 5.0)) * l.scale;
+    vec3 d = normalize(frame * reflect(-o, h));
+    if (dot(d, s.geometric) <= 0.0) mirror = vec3(0.0);
     return d;
 }

@@ -2,15 +2,15 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 6, composite: differential rendering with fractional M (IPRT eq. 2, with emission kept and ΔE = E_RV − E_R):
 // L = M·(L_cam + ΔE·min(L_cam/E_R, 1/π)) + (1 − M)·(L_e + k_V·E/π + L_GGX).
-// In: camera (L_cam), coverage (M), albedo (k_V), emission (L_e), mask, a (E_R | E), b (ΔE | L_GGX). Out: radiance, alpha 1.
+// In: camera_radiance (L_cam), real_coverage (M), albedo_virtual (k_V), emission (L_e), mask, a (E_R | E), b (ΔE | L_GGX). Out: radiance, alpha 1.
 #include "common.glsl"
 #include "relit.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-layout(set = 0, binding = 33, rgba32f) uniform readonly image2D in_camera;
-layout(set = 0, binding = 34, rgba16f) uniform readonly image2D in_albedo;
+layout(set = 0, binding = 33, rgba32f) uniform readonly image2D in_camera_radiance;
+layout(set = 0, binding = 34, rgba16f) uniform readonly image2D in_albedo_virtual;
 layout(set = 0, binding = 35, rgba16f) uniform readonly image2D in_emission;
-layout(set = 0, binding = 37, r32f) uniform readonly image2D in_coverage;
+layout(set = 0, binding = 37, r32f) uniform readonly image2D in_real_coverage;
 layout(set = 0, binding = 41, r32f) uniform readonly image2DArray in_mask;
 layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray in_a;
 layout(set = 0, binding = 54, rgba32f) uniform readonly image2DArray in_b;
@@ -19,14 +19,14 @@ layout(set = 0, binding = 59, rgba32f) uniform writeonly image2D out_radiance;
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
-    float coverage = imageLoad(in_coverage, p).x;
-    vec3 real = imageLoad(in_camera, p).rgb;
+    float coverage = imageLoad(in_real_coverage, p).x;
+    vec3 real = imageLoad(in_camera_radiance, p).rgb;
     if (imageLoad(in_mask, ivec3(p, REAL)).x != 0.0)
         real = relight(real, imageLoad(in_a, ivec3(p, REAL)).rgb, imageLoad(in_b, ivec3(p, REAL)).rgb);
     vec3 radiance = real;
     if (coverage < 1.0) {
         vec3 virtual_radiance = imageLoad(in_emission, p).rgb
-            + imageLoad(in_albedo, p).rgb * imageLoad(in_a, ivec3(p, VIRTUAL)).rgb * (1.0 / PI) + imageLoad(in_b, ivec3(p, VIRTUAL)).rgb;
+            + imageLoad(in_albedo_virtual, p).rgb * imageLoad(in_a, ivec3(p, VIRTUAL)).rgb * (1.0 / PI) + imageLoad(in_b, ivec3(p, VIRTUAL)).rgb;
         radiance = coverage * real + (1.0 - coverage) * virtual_radiance;
     }
     imageStore(out_radiance, p, vec4(radiance, 1.0));

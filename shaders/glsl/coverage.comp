@@ -3,7 +3,7 @@
 // Pass 1, gbuffer (second dispatch): the fraction M of each pixel that shows the real scene, by sub-pixel rays where the
 // 3×3 neighbourhood holds both kinds of surface. A pixel whose centre is real but whose edge is virtual gets its virtual
 // surface here, from the sub-pixel hit nearest to the centre.
-// In: camera.w (M at the centre); panorama, scene. Out: coverage (0…1); position, normal, motion, k_V, emission, hit.
+// In: camera_radiance.w (M at the centre); panorama, scene. Out: coverage (0…1); position, normal, motion, k_V, emission, hit.
 #define TRACE_PANORAMA
 #include "common.glsl"
 #include "panorama.glsl"
@@ -12,24 +12,24 @@
 #include "gbuffer.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-layout(set = 0, binding = 33, rgba32f) uniform readonly image2D in_camera;
-layout(set = 0, binding = 37, r32f) uniform writeonly image2D out_coverage;
+layout(set = 0, binding = 33, rgba32f) uniform readonly image2D in_camera_radiance;
+layout(set = 0, binding = 37, r32f) uniform writeonly image2D out_real_coverage;
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
-    float centre = imageLoad(in_camera, p).w;
+    float centre = imageLoad(in_camera_radiance, p).w;
     float sum = 0.0, count = 0.0;
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
             ivec2 q = p + ivec2(x, y);
             if (!neighbour(q)) continue;
-            sum += imageLoad(in_camera, q).w;
+            sum += imageLoad(in_camera_radiance, q).w;
             count += 1.0;
         }
     }
     if (sum == 0.0 || sum == count) {
-        imageStore(out_coverage, p, vec4(centre));
+        imageStore(out_real_coverage, p, vec4(centre));
         return;
     }
     // a rotated grid-free set: the R2 sequence (Roberts 2018)
@@ -45,6 +45,6 @@ void main() {
         vec2 c = offset - 0.5;
         if (dot(c, c) < nearest) { nearest = dot(c, c); best = hit; best_d = d; }
     }
-    imageStore(out_coverage, p, vec4(real_count / float(n)));
+    imageStore(out_real_coverage, p, vec4(real_count / float(n)));
     if (centre == 1.0 && nearest < FAR) write_virtual(p, best, best_d);
 }

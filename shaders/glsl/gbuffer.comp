@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 1, gbuffer: primary visibility of panorama and objects at each pixel's centre (IPRT §2, "preprocessing").
 // In: panorama radiance, depth and normals; the scene. Out: position (m), normal, motion (pixels), L_cam (radiance), k_V,
-// emission, hit, for the real and the virtual surface. M at the centre goes to camera.w; coverage refines it.
+// emission, hit, for the real and the virtual surface. M at the centre goes to camera_radiance.w; coverage refines it.
 #define TRACE_PANORAMA
 #include "common.glsl"
 #include "panorama.glsl"
@@ -11,7 +11,7 @@
 #include "gbuffer.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-layout(set = 0, binding = 33, rgba32f) uniform writeonly image2D out_camera;
+layout(set = 0, binding = 33, rgba32f) uniform writeonly image2D out_camera_radiance;
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
@@ -34,5 +34,5 @@ void main() {
         coverage = 0.0;
         write_virtual(p, hit, d);
     } else write_no_virtual(p);
-    imageStore(out_camera, p, vec4(panorama_filtered(real.uv, pixel_angle()), coverage));
+    imageStore(out_camera_radiance, p, vec4(panorama_filtered(real.uv, pixel_angle()), coverage));
 }

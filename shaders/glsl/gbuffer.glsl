@@ -9,7 +9,7 @@ layout(set = 0, binding = 31, rgba16f) uniform writeonly image2DArray out_normal
 // xy motion to the previous frame in pixels, z distance from the previous camera, w object id (0: real).
 layout(set = 0, binding = 32, rgba32f) uniform writeonly image2DArray out_motion;
 // Albedo k_V of the Lambert lobe under the GGX lobe; w metallic.
-layout(set = 0, binding = 34, rgba16f) uniform writeonly image2D out_albedo;
+layout(set = 0, binding = 34, rgba16f) uniform writeonly image2D out_albedo_virtual;
 // Emitted radiance.
 layout(set = 0, binding = 35, rgba16f) uniform writeonly image2D out_emission;
 // Instance, triangle, barycentric coordinates (float bits) of the virtual surface.
@@ -52,7 +52,7 @@ void write_virtual(ivec2 p, SceneHit hit, vec3 d) {
     // relative to where this ray meets the image, so that a surface seen beside the pixel's centre is followed too
     vec4 motion = motion_of(vec2(p) + 0.5, previous, float(instance.id));
     imageStore(out_motion, ivec3(p, VIRTUAL), motion);
-    imageStore(out_albedo, p, vec4(lobes.diffuse, s.metallic));
+    imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, s.metallic));
     imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
     imageStore(out_hit, p, uvec4(hit.instance, hit.triangle, floatBitsToUint(hit.barycentric)));
 }
@@ -61,7 +61,7 @@ void write_no_virtual(ivec2 p) {
     imageStore(out_position, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_motion, ivec3(p, VIRTUAL), vec4(0.0));
-    imageStore(out_albedo, p, vec4(0.0));
+    imageStore(out_albedo_virtual, p, vec4(0.0));
     imageStore(out_emission, p, vec4(0.0));
     imageStore(out_hit, p, uvec4(NONE));
 }

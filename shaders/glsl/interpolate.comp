@@ -44,8 +44,8 @@ void main() {
             total += w;
         }
     }
-    // no traced neighbour on this surface: nothing is known, which temporal and atrous mend from theirs
-    float scale = total > 1e-6 ? 1.0 / total : 0.0;
-    imageStore(irradiance_a, ivec3(p, layer), a * scale);
-    imageStore(irradiance_b, ivec3(p, layer), b * scale);
+    // no traced neighbour on this surface: nothing is known (w < 0), which temporal and atrous mend from theirs
+    bool known = total > 1e-6;
+    imageStore(irradiance_a, ivec3(p, layer), known ? vec4(a.rgb / total, 0.0) : vec4(vec3(0.0), -1.0));
+    imageStore(irradiance_b, ivec3(p, layer), known ? b / total : vec4(0.0));
 }

@@ -12,6 +12,7 @@
 #include "scene.glsl"
 #include "brdf.glsl"
 #include "relit.glsl"
+#include "light.glsl"
 #include "list.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 1) const uint LAYER = 0;
@@ -26,44 +27,87 @@ layout(set = 0, binding = 46, rgba32f) uniform writeonly image2DArray out_irradi
 
 vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv, 0); }
 
-// A continuing direction at a virtual surface: its weight f·cos/p over both lobes, one of which is drawn.
-vec3 scatter(Surface s, vec3 to_eye, inout Random random, out vec3 weight) {
-    Lobes l = brdf_lobes(s, to_eye);
-    bool specular = random_next(random) < l.specular_probability;
-    vec2 u = random_next2(random);
+// A ray drawn from a lobe and from the panorama's lights together: one of the two strategies is drawn, and the weight f·cos/p is
+// that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real` is what it meets of the real scene.
+struct Ray {
     vec3 d;
-    if (specular) {
-        d = brdf_sample_specular(s, l, to_eye, u, weight);
-        weight /= l.specular_probability;
-    } else {
-        d = sample_cosine(s.normal, u);
-        weight = dot(d, s.geometric) > 0.0 ? l.diffuse / (1.0 - l.specular_probability) : vec3(0.0);
-    }
-    return d;
+    vec3 weight;
+    PanoramaHit real;
+};
+
+// Towards a light: false where what was drawn is behind the surface.
+bool toward_light(vec3 x, vec3 normal, inout Random random, out vec3 d, out vec3 target, out bool far) {
+    vec2 u = random_next2(random);
+    vec3 centre = light_sample(u, random_next2(random));
+    ivec2 texel;
+    float distance = surface_distance(centre, texel);
+    far = distance <= 0.0;
+    target = centre * distance;
+    d = far ? centre : normalize(target - x);
+    return dot(d, normal) > 0.0;
 }
 
-// What arrives from direction d, the mixed scene included: real surfaces relit, virtual ones by a path. The ray's last
-// vertex sees the real scene alone, so that no light is lost. `distance`: of the first hit.
-vec3 incoming(vec3 origin, vec3 d, PanoramaHit real, inout Random random, out float distance) {
-    SceneHit hit = scene_trace(origin, d, real.t);
-    distance = min(hit.t, real.t);
-    if (hit.instance == NONE) return relit(real.uv, hit_radiance(real));
+// A light drawn counts only if it is what the ray meets first.
+bool meets(PanoramaHit hit, vec3 x, vec3 d, vec3 target, bool far) {
+    if (far) return hit.kind == FREE;
+    vec3 miss = x + d * hit.t - target;
+    return hit.kind == SURFACE && dot(miss, miss) < 1e-4 * dot(target, target);
+}
+
+// A Lambert lobe of albedo 1 (f·cos = cos/π), or the GGX lobe of a surface.
+Ray draw(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, inout Random random) {
+    Ray ray;
+    ray.weight = vec3(0.0);
+    bool mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
+    float share = mirror ? 0.0 : in_lights.share;
+    bool light = random_next(random) < share, far = false;
+    vec3 target = vec3(0.0), mirror_weight = vec3(0.0);
+    bool possible = true;
+    if (light) possible = toward_light(x, normal, random, ray.d, target, far);
+    else {
+        vec2 u = random_next2(random);
+        if (specular) {
+            ray.d = brdf_sample_specular(s, l, to_eye, u, mirror_weight);
+            possible = dot(ray.d, s.geometric) > 0.0;
+        } else ray.d = sample_cosine(normal, u);
+    }
+    ray.real = PanoramaHit(FAR, vec2(0.0), FREE, false, vec3(0.0));
+    if (!possible) return ray;
+    ray.real = panorama_trace(x, ray.d, 0.0, FAR);
+    if (mirror) { ray.weight = mirror_weight; return ray; }
+    if (light && !meets(ray.real, x, ray.d, target, far)) return ray;
+    float density;
+    vec3 f;
+    if (specular) f = brdf_specular(s, l, to_eye, ray.d, density);
+    else { density = max(dot(ray.d, normal), 0.0) / PI; f = vec3(density); }
+    float p = (1.0 - share) * density + (share > 0.0 ? share * light_density(x, ray.d, ray.real) : 0.0);
+    if (p > 0.0) ray.weight = f / p;
+    return ray;
+}
+
+// What arrives along a ray, the mixed scene included: real surfaces relit, virtual ones by a path. The path's last vertex sees
+// the real scene alone, so that no light is lost. `distance`: of the first hit.
+vec3 incoming(vec3 origin, Ray ray, inout Random random, out float distance) {
+    SceneHit hit = scene_trace(origin, ray.d, ray.real.t);
+    distance = min(hit.t, ray.real.t);
     vec3 sum = vec3(0.0), throughput = vec3(1.0);
     float width = 0.0;
-    for (uint bounce = 1u;; bounce++) {
+    for (uint bounce = 1u; hit.instance != NONE; bounce++) {
         width += 0.05 * hit.t;
-        Surface s = scene_surface(hit, d, width);
+        Surface s = scene_surface(hit, ray.d, width);
         sum += throughput * s.emissive;
-        vec3 weight;
-        d = scatter(s, -d, random, weight);
-        throughput *= weight;
-        if (max(throughput.r, max(throughput.g, throughput.b)) <= 0.0) return sum;
+        vec3 to_eye = -ray.d;
+        Lobes l = brdf_lobes(s, to_eye);
+        bool specular = random_next(random) < l.specular_probability;
         origin = surface_origin(s);
-        real = panorama_trace(origin, d, 0.0, FAR);
+        ray = draw(origin, s.normal, specular, s, l, to_eye, random);
+        if (dot(ray.d, s.geometric) <= 0.0) return sum;
+        throughput *= ray.weight * (specular ? vec3(1.0 / l.specular_probability) : l.diffuse / (1.0 - l.specular_probability));
+        if (max(throughput.r, max(throughput.g, throughput.b)) <= 0.0) return sum;
         hit.instance = NONE;
-        if (bounce < in_view.view.bounces) hit = scene_trace(origin, d, real.t);
-        if (hit.instance == NONE) return sum + throughput * relit(real.uv, hit_radiance(real));
+        if (bounce < in_view.view.bounces) hit = scene_trace(origin, ray.d, ray.real.t);
     }
+    return sum + throughput * relit(ray.real.uv, hit_radiance(ray.real));
 }
 
 void main() {
@@ -73,41 +117,36 @@ void main() {
     ivec2 p = ivec2(item & 0xffffu, item >> 16u);
     Random random = random_begin(uvec2(p), LAYER);
     vec4 point = imageLoad(in_position, ivec3(p, LAYER));
-    float distance;
+    float distance = 0.0;
 
     if (LAYER == uint(REAL)) {
         vec3 normal = imageLoad(in_normal, ivec3(p, REAL)).xyz;
-        vec3 d = sample_cosine(normal, random_next2(random));
+        Surface none;
+        Lobes no_lobes;
         // off the real surface by more than the steps of its depth, off the virtual scene by next to nothing: a contact
         // shadow begins at the contact
-        PanoramaHit real = panorama_trace(point.xyz + normal * (2e-3 * length(point.xyz)), d, 0.0, FAR);
-        vec3 radiance = hit_radiance(real);
-        vec3 mixed = incoming(point.xyz + normal * 1e-4, d, real, random, distance);
-        imageStore(out_irradiance_a, ivec3(p, REAL), vec4(PI * radiance, 0.0));
-        imageStore(out_irradiance_b, ivec3(p, REAL), vec4(PI * (mixed - radiance), distance));
+        Ray ray = draw(point.xyz + normal * (2e-3 * length(point.xyz)), normal, false, none, no_lobes, vec3(0.0), random);
+        vec3 radiance = vec3(0.0), mixed = vec3(0.0);
+        if (ray.weight.x > 0.0) {
+            radiance = hit_radiance(ray.real);
+            mixed = incoming(point.xyz + normal * 1e-4, ray, random, distance);
+        }
+        vec3 weight = PI * ray.weight;
+        imageStore(out_irradiance_a, ivec3(p, REAL), vec4(weight * radiance, 0.0));
+        imageStore(out_irradiance_b, ivec3(p, REAL), vec4(weight * (mixed - radiance), distance));
     } else {
         uvec4 id = imageLoad(in_hit, p);
-        vec3 eye = point.xyz - in_view.view.position;
-        vec3 from_eye = eye / point.w;
+        vec3 from_eye = (point.xyz - in_view.view.position) / point.w;
         SceneHit hit = SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw));
         Surface s = scene_surface(hit, from_eye, point.w * pixel_angle());
         Lobes l = brdf_lobes(s, -from_eye);
         bool specular = random_next(random) < l.specular_probability;
-        vec2 u = random_next2(random);
-        vec3 weight, d;
-        if (specular) {
-            d = brdf_sample_specular(s, l, -from_eye, u, weight);
-            weight /= l.specular_probability;
-        } else {
-            d = sample_cosine(s.normal, u);
-            weight = vec3(dot(d, s.geometric) > 0.0 ? PI / (1.0 - l.specular_probability) : 0.0);
-        }
+        vec3 origin = surface_origin(s);
+        Ray ray = draw(origin, s.normal, specular, s, l, -from_eye, random);
+        vec3 weight = ray.weight / (specular ? l.specular_probability : (1.0 - l.specular_probability) / PI);
+        if (dot(ray.d, s.geometric) <= 0.0) weight = vec3(0.0);
         vec3 radiance = vec3(0.0);
-        distance = 0.0;
-        if (max(weight.r, max(weight.g, weight.b)) > 0.0) {
-            vec3 origin = surface_origin(s);
-            radiance = weight * incoming(origin, d, panorama_trace(origin, d, 0.0, FAR), random, distance);
-        }
+        if (max(weight.r, max(weight.g, weight.b)) > 0.0) radiance = weight * incoming(origin, ray, random, distance);
         imageStore(out_irradiance_a, ivec3(p, VIRTUAL), vec4(specular ? vec3(0.0) : radiance, 0.0));
         imageStore(out_irradiance_b, ivec3(p, VIRTUAL), vec4(specular ? radiance : vec3(0.0), specular ? distance : 0.0));
     }

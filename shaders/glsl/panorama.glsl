@@ -17,6 +17,7 @@ struct PanoramaHit {
     vec2 uv;      // where the radiance is read
     uint kind;    // FREE, SURFACE or SKIRT
     bool unknown; // it passed behind a foreground edge, through space the capture never saw
+    vec3 normal;  // of the triangle, of any length
 };
 
 vec2 panorama_uv(vec3 d) {
@@ -119,6 +120,7 @@ void panorama_triangle(vec3 origin, vec3 d, vec3 v0, vec3 v1, vec3 v2, vec3 dept
     if (far <= near * (1.0 + in_view.view.edge_ratio)) {
         hit.t = t;
         hit.kind = SURFACE;
+        hit.normal = cross(e1, e2);
         return;
     }
     if (length(origin + d * t) - near > in_view.view.thickness) {
@@ -148,7 +150,7 @@ void panorama_leaf(vec3 origin, vec3 d, uint block_x, uint block_y, float t_min,
 
 // Closest hit of the real surface along a ray in (t_min, t_max). Exact for the surface defined above.
 PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
-    PanoramaHit hit = PanoramaHit(t_max, vec2(0.0), FREE, false);
+    PanoramaHit hit = PanoramaHit(t_max, vec2(0.0), FREE, false, vec3(0.0));
     float unknown = FAR;
     vec3 inverse = vec3(abs(d.x) > 1e-20 ? 1.0 / d.x : 1e20, abs(d.y) > 1e-20 ? 1.0 / d.y : 1e20, abs(d.z) > 1e-20 ? 1.0 / d.z : 1e20);
     vec3 shift = -origin * inverse;

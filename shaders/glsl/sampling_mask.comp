@@ -10,7 +10,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
 layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
 layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray in_motion;
-layout(set = 0, binding = 37, r32f) uniform readonly image2D in_coverage;
+layout(set = 0, binding = 37, r32f) uniform readonly image2D in_real_coverage;
 layout(set = 0, binding = 40, rgba32f) uniform readonly image2DArray history_moments;
 layout(set = 0, binding = 41, r32f) uniform writeonly image2DArray out_mask;
 layout(set = 0, binding = 42, scalar) writeonly buffer List { uint item[]; } out_list;
@@ -63,7 +63,7 @@ void main() {
     for (int layer = 0; layer < 2; layer++) {
         trace[layer] = false;
         if (!inside) continue;
-        float coverage = imageLoad(in_coverage, p).x;
+        float coverage = imageLoad(in_real_coverage, p).x;
         bool present = in_view.view.instance_count > 0u && imageLoad(in_position, ivec3(p, layer)).w > 0.0 && (layer == REAL ? coverage > 0.0 : coverage < 1.0);
         if (present) {
             atomicAdd(active_count[layer], 1u);

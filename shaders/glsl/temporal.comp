@@ -27,7 +27,7 @@ layout(set = 0, binding = 56, rgba32f) uniform writeonly image2DArray out_a;
 layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_b;
 layout(set = 0, binding = 58, rgba32f) uniform writeonly image2DArray out_moments;
 
-layout(push_constant, scalar) uniform Push { uint history_valid; float clamp_spread; } push;
+layout(push_constant, scalar) uniform Push { uint history_valid; uint interpolated; float clamp_spread; } push;
 
 // A history texel counts if it was this surface: same object, at the distance this point then had, facing alike.
 float history_weight(ivec2 q, int layer, vec4 motion, vec3 normal) {
@@ -52,8 +52,10 @@ void main() {
     vec4 motion = imageLoad(in_motion, ivec3(p, layer));
     vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;
     vec4 a = imageLoad(in_irradiance_a, ivec3(p, layer)), b = imageLoad(in_irradiance_b, ivec3(p, layer));
+    bool known = mask == 1.0 || (push.interpolated != 0u && a.w >= 0.0);
+    if (!known) { a = vec4(0.0); b = vec4(0.0); }
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
-    vec4 moments = vec4(luma * luma, mask == 1.0 ? 1.0 : 0.5, b.w);
+    vec4 moments = vec4(luma * luma, mask == 1.0 ? 1.0 : known ? 0.5 : 0.0, b.w);
 
     vec3 old_a = vec3(0.0), old_b = vec3(0.0);
     vec4 old_moments = vec4(0.0);
@@ -78,6 +80,7 @@ void main() {
         }
     }
     if (total > 0.01) {
+        known = true;
         old_a /= total; old_b /= total; old_moments /= total;
         if (CLAMP != 0u) {
             vec3 mean_a = vec3(0.0), mean_b = vec3(0.0), square_a = vec3(0.0), square_b = vec3(0.0);
@@ -109,7 +112,7 @@ void main() {
         luma = vec2(luminance(a.rgb), luminance(b.rgb));
     }
     vec2 variance = max(moments.xy - luma * luma, vec2(0.0)) / max(moments.z, 1.0);
-    imageStore(out_a, ivec3(p, layer), vec4(a.rgb, variance.x));
+    imageStore(out_a, ivec3(p, layer), vec4(a.rgb, known ? variance.x : -1.0)); // negative: nothing is known here yet
     imageStore(out_b, ivec3(p, layer), vec4(b.rgb, variance.y));
     imageStore(out_moments, ivec3(p, layer), moments);
 }

@@ -47,7 +47,7 @@ pub fn list() -> Result<Vec<Adapter>> {
     unsafe {
         let instance = entry
             .create_instance(&vk::InstanceCreateInfo::default().application_info(&info), None)
-            .map_err(|result| no_instance(result))?;
+            .map_err(no_instance)?;
         let adapters = candidates(&instance).map(|all| all.into_iter().map(|c| c.adapter).collect());
         instance.destroy_instance(None);
         adapters

@@ -13,9 +13,10 @@ use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, vulkan as memory};
 
 use super::{
     adapter,
-    encode::Slot,
-    memory::{Format, Staging},
+    memory::Format,
+    slot::Slot,
     timing::Clock,
+    transfer::Staging,
     validation::{self, Log},
 };
 use crate::{Error, Result};

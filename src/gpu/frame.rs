@@ -118,7 +118,7 @@ pub(super) enum Command {
 pub struct Frame {
     gpu: Gpu,
     commands: Vec<Command>,
-    scope: Option<String>,
+    scopes: Vec<String>,
     skipped_barrier: Option<usize>,
     ignore_hazards: bool,
 }
@@ -129,19 +129,25 @@ impl Gpu {
     /// # Errors
     /// None at present; recording may come to need device objects.
     pub fn frame(&self) -> Result<Frame> {
-        Ok(Frame { gpu: self.clone(), commands: Vec::new(), scope: None, skipped_barrier: None, ignore_hazards: false })
+        Ok(Frame {
+            gpu: self.clone(),
+            commands: Vec::new(),
+            scopes: Vec::new(),
+            skipped_barrier: None,
+            ignore_hazards: false,
+        })
     }
 }
 
 impl Frame {
-    /// What is recorded from here to [`Frame::scope_end`] is timed under `name`.
+    /// What is recorded from here to [`Frame::scope_end`] is timed under `name`. Scopes nest; the outermost names.
     pub fn scope(&mut self, name: &str) {
-        self.scope = Some(name.to_owned());
+        self.scopes.push(name.to_owned());
     }
 
-    /// Ends the scope.
+    /// Ends the innermost scope.
     pub fn scope_end(&mut self) {
-        self.scope = None;
+        self.scopes.pop();
     }
 
     /// Runs `pass` with these bindings (by GLSL name, in any order) and push constants (`&()` for none). A size with
@@ -266,7 +272,7 @@ impl Frame {
     }
 
     fn run(&mut self, action: Action) {
-        let name = self.scope.clone().unwrap_or_else(|| action.label());
+        let name = self.scopes.first().cloned().unwrap_or_else(|| action.label());
         self.commands.push(Command::Run { name, action });
     }
 }

@@ -1,4 +1,4 @@
-//! Buffers and images on the device, and the way to and from them.
+//! Buffers and images on the device.
 
 use std::{
     fmt,
@@ -58,25 +58,6 @@ impl Format {
 
     pub(super) const fn is_integer(self) -> bool {
         matches!(self, Self::R32u | Self::Rgba32u)
-    }
-
-    /// Texels as `f32`, with 0 for what the format lacks; integers above 2²⁴ are rounded.
-    fn decode(self, bytes: &[u8]) -> Vec<[f32; 4]> {
-        let words = || bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
-        let pack = |channels: usize, values: Vec<f32>| {
-            let texel = |chunk: &[f32]| std::array::from_fn(|i| chunk.get(i).copied().unwrap_or(0.0));
-            values.chunks_exact(channels).map(texel).collect()
-        };
-        match self {
-            Self::R32f => pack(1, words().map(f32::from_le_bytes).collect()),
-            Self::Rg32f => pack(2, words().map(f32::from_le_bytes).collect()),
-            Self::Rgba32f => pack(4, words().map(f32::from_le_bytes).collect()),
-            Self::Rgba16f => {
-                pack(4, bytes.chunks_exact(2).map(|b| half::f16::from_le_bytes([b[0], b[1]]).to_f32()).collect())
-            }
-            Self::R32u => pack(1, words().map(|b| u32::from_le_bytes(b) as f32).collect()),
-            Self::Rgba32u => pack(4, words().map(|b| u32::from_le_bytes(b) as f32).collect()),
-        }
     }
 }
 
@@ -229,62 +210,8 @@ impl Drop for ImageData {
     }
 }
 
-/// Host memory that the device copies from and to. The allocator gives only coherent memory for it, of which Vulkan
-/// promises one type, so nothing need be flushed.
-pub(super) struct Staging {
-    handle: vk::Buffer,
-    allocation: memory::Allocation,
-    bytes: u64,
-}
-
-/// Staging buffers up to this size are kept for the next transfer.
-const KEPT_STAGING: u64 = 64 << 20;
-
-impl Staging {
-    fn new(shared: &Shared, bytes: u64) -> Result<Self> {
-        let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
-        let (handle, allocation) = raw_buffer(shared, "staging", bytes, usage, MemoryLocation::GpuToCpu)?;
-        let coherent = allocation.memory_properties().contains(vk::MemoryPropertyFlags::HOST_COHERENT);
-        let staging = Self { handle, allocation, bytes };
-        if coherent && staging.allocation.mapped_slice().is_some() {
-            return Ok(staging);
-        }
-        staging.destroy(shared);
-        Err(Error::Internal("staging memory is not mapped coherently".into()))
-    }
-
-    pub(super) fn destroy(self, shared: &Shared) {
-        // SAFETY: transfers are waited for; none uses it.
-        unsafe { shared.device.destroy_buffer(self.handle, None) };
-        shared.free(self.allocation);
-    }
-}
-
-/// Runs `work` with at least `bytes` of staging memory.
-fn with_staging<R>(shared: &Shared, bytes: u64, work: impl FnOnce(&mut Staging) -> Result<R>) -> Result<R> {
-    let mut kept = shared.staging();
-    let mut staging = match kept.take() {
-        Some(staging) if staging.bytes >= bytes => staging,
-        small => {
-            if let Some(small) = small {
-                small.destroy(shared);
-            }
-            Staging::new(shared, bytes)?
-        }
-    };
-    let result = work(&mut staging);
-    if matches!(result, Err(Error::Vulkan { .. })) {
-        return result; // the device may still be using it: leave it alone
-    }
-    if staging.bytes <= KEPT_STAGING {
-        *kept = Some(staging);
-    } else {
-        staging.destroy(shared);
-    }
-    result
-}
-
-fn raw_buffer(
+/// A bound buffer, labelled.
+pub(super) fn raw_buffer(
     shared: &Shared,
     name: &str,
     bytes: u64,
@@ -458,107 +385,6 @@ impl Gpu {
         })?;
         Ok(Image(Arc::new(data)))
     }
-
-    /// Writes `data` from `offset` bytes on. Waits until it is there.
-    ///
-    /// # Errors
-    /// [`Error::Internal`] where it does not fit.
-    pub fn write_buffer<T: Pod>(&self, buffer: &Buffer, offset: u64, data: &[T]) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        let size = bytes.len() as u64;
-        if offset.checked_add(size).is_none_or(|end| end > buffer.bytes()) {
-            return Err(Error::Internal(format!(
-                "{size} bytes at {offset} do not fit {}'s {}",
-                buffer.name(),
-                buffer.bytes()
-            )));
-        }
-        if size == 0 {
-            return Ok(());
-        }
-        self.upload(&format!("writing {}", buffer.name()), bytes, |commands, staging| {
-            let region = vk::BufferCopy { src_offset: 0, dst_offset: offset, size };
-            // SAFETY: both buffers are alive until the copy is done, and the ranges were checked.
-            unsafe { self.0.device.cmd_copy_buffer(commands, staging, buffer.handle(), &[region]) };
-        })
-    }
-
-    /// Writes one layer of one level: tightly packed rows in the image's format. Waits until it is there.
-    ///
-    /// # Errors
-    /// [`Error::Internal`] where the data has another size than the level, or there is no such layer or level.
-    pub fn write_image<T: Pod>(&self, image: &Image, layer: u32, level: u32, data: &[T]) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        let region = region(image, layer, level)?;
-        let wanted = level_bytes(image, level);
-        if bytes.len() as u64 != wanted {
-            return Err(Error::Internal(format!(
-                "level {level} of {image:?} takes {wanted} bytes, not {}",
-                bytes.len()
-            )));
-        }
-        self.upload(&format!("writing {}", image.name()), bytes, |commands, staging| {
-            let layout = vk::ImageLayout::GENERAL;
-            // SAFETY: both are alive until the copy is done, and the size was checked.
-            unsafe { self.0.device.cmd_copy_buffer_to_image(commands, staging, image.handle(), layout, &[region]) };
-        })
-    }
-
-    /// The whole buffer as `T`s; bytes that do not fill one are left out.
-    ///
-    /// # Errors
-    /// [`Error::Vulkan`] where the copy fails.
-    pub fn read_buffer<T: Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
-        let count = buffer.bytes() as usize / size_of::<T>().max(1);
-        let bytes = self.download(&format!("reading {}", buffer.name()), buffer.bytes(), |commands, staging| {
-            let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: buffer.bytes() };
-            // SAFETY: both buffers are alive until the copy is done.
-            unsafe { self.0.device.cmd_copy_buffer(commands, buffer.handle(), staging, &[region]) };
-        })?;
-        let mut values = vec![T::zeroed(); count];
-        let into: &mut [u8] = bytemuck::cast_slice_mut(&mut values);
-        into.copy_from_slice(&bytes[..into.len()]);
-        Ok(values)
-    }
-
-    /// Level 0 of one layer as `f32`, row by row from the top, with 0 for components the format lacks.
-    ///
-    /// # Errors
-    /// [`Error::Internal`] where there is no such layer.
-    pub fn read_image(&self, image: &Image, layer: u32) -> Result<Vec<[f32; 4]>> {
-        self.read_image_level(image, layer, 0)
-    }
-
-    /// As [`Gpu::read_image`], of any level.
-    ///
-    /// # Errors
-    /// [`Error::Internal`] where there is no such layer or level.
-    pub fn read_image_level(&self, image: &Image, layer: u32, level: u32) -> Result<Vec<[f32; 4]>> {
-        let region = region(image, layer, level)?;
-        let bytes = level_bytes(image, level);
-        let bytes = self.download(&format!("reading {}", image.name()), bytes, |commands, staging| {
-            let layout = vk::ImageLayout::GENERAL;
-            // SAFETY: both are alive until the copy is done, and the staging buffer is large enough.
-            unsafe { self.0.device.cmd_copy_image_to_buffer(commands, image.handle(), layout, staging, &[region]) };
-        })?;
-        Ok(image.format().decode(&bytes))
-    }
-
-    fn upload(&self, what: &str, bytes: &[u8], copy: impl FnOnce(vk::CommandBuffer, vk::Buffer)) -> Result<()> {
-        with_staging(&self.0, bytes.len() as u64, |staging| {
-            let mapped = staging.allocation.mapped_slice_mut().and_then(|mapped| mapped.get_mut(..bytes.len()));
-            mapped.ok_or_else(|| Error::Internal("staging memory is not mapped".into()))?.copy_from_slice(bytes);
-            encode::immediate(&self.0, what, |commands| copy(commands, staging.handle))
-        })
-    }
-
-    fn download(&self, what: &str, bytes: u64, copy: impl FnOnce(vk::CommandBuffer, vk::Buffer)) -> Result<Vec<u8>> {
-        with_staging(&self.0, bytes, |staging| {
-            encode::immediate(&self.0, what, |commands| copy(commands, staging.handle))?;
-            let mapped = staging.allocation.mapped_slice().and_then(|mapped| mapped.get(..bytes as usize));
-            Ok(mapped.ok_or_else(|| Error::Internal("staging memory is not mapped".into()))?.to_vec())
-        })
-    }
 }
 
 /// Level `image.levels` stands for all of them.
@@ -580,35 +406,4 @@ fn view(shared: &Shared, image: &ImageData, level: u32, array: bool) -> Result<v
         .map_err(during(format!("vkCreateImageView for {}", image.name)))?;
     shared.label(view, &image.name);
     Ok(view)
-}
-
-fn level_bytes(image: &Image, level: u32) -> u64 {
-    let [width, height] = image.level_size(level);
-    u64::from(width) * u64::from(height) * image.format().bytes()
-}
-
-fn region(image: &Image, layer: u32, level: u32) -> Result<vk::BufferImageCopy> {
-    if layer >= image.layers() || level >= image.levels() {
-        return Err(Error::Internal(format!("{image:?} has no layer {layer} of level {level}")));
-    }
-    let part = vk::ImageSubresourceLayers { base_array_layer: layer, layer_count: 1, ..image.layers_of(level) };
-    Ok(vk::BufferImageCopy::default().image_subresource(part).image_extent(image.extent(level)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_format_decodes_to_rgba() {
-        let f = |v: &[f32]| bytemuck::cast_slice::<f32, u8>(v).to_vec();
-        let u = |v: &[u32]| bytemuck::cast_slice::<u32, u8>(v).to_vec();
-        let h: Vec<u8> = [1.0, -2.0, 0.5, 4.0].iter().flat_map(|&x| half::f16::from_f32(x).to_le_bytes()).collect();
-        assert_eq!(Format::R32f.decode(&f(&[1.5, 2.0])), [[1.5, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]]);
-        assert_eq!(Format::Rg32f.decode(&f(&[1.5, 2.0])), [[1.5, 2.0, 0.0, 0.0]]);
-        assert_eq!(Format::Rgba32f.decode(&f(&[1.0, 2.0, 3.0, 4.0])), [[1.0, 2.0, 3.0, 4.0]]);
-        assert_eq!(Format::Rgba16f.decode(&h), [[1.0, -2.0, 0.5, 4.0]]);
-        assert_eq!(Format::R32u.decode(&u(&[7])), [[7.0, 0.0, 0.0, 0.0]]);
-        assert_eq!(Format::Rgba32u.decode(&u(&[1, 2, 3, 4])), [[1.0, 2.0, 3.0, 4.0]]);
-    }
 }

@@ -14,7 +14,9 @@ pub mod layout;
 mod memory;
 mod pass;
 mod reflect;
+mod slot;
 mod timing;
+mod transfer;
 pub mod validation;
 
 pub use device::{Gpu, GpuOptions};

@@ -3,17 +3,16 @@
 use std::collections::{HashMap, HashSet};
 
 use ash::vk;
-use spirq::{
-    ReflectConfig,
-    constant::ConstantValue,
-    entry_point::EntryPoint,
-    spirv::ExecutionMode,
-    ty::{AccessType, DescriptorType, ImageFormat, StructType, Type},
-    var::Variable,
+use rspirv::{
+    binary::{Consumer, ParseAction, parse_words},
+    dr::{Instruction, ModuleHeader, Operand},
+    spirv::{Decoration, Dim, ExecutionMode, ImageFormat, Op, StorageClass},
 };
 
 use super::{hazard::Access, layout::Fields, memory::Format, pass::PassDeclaration};
 use crate::{Error, Result};
+
+type Checked<T> = std::result::Result<T, String>;
 
 /// What the shader takes at one binding.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,53 +57,40 @@ pub(super) struct Reflected {
 pub(super) fn check(declaration: &PassDeclaration, specialization: &[(u32, u32)]) -> Result<Reflected> {
     let PassDeclaration { name, spirv, .. } = *declaration;
     let fault = |problem: String| Error::Internal(format!("shader {name}: {problem}"));
-    let entry_points = ReflectConfig::new().spv(spirv).ref_all_rscs(true).reflect();
-    let entry = match entry_points.as_deref() {
-        Ok([entry]) if entry.name == "main" => entry,
-        Ok(_) => return Err(fault("it has not exactly one entry point, main".into())),
-        Err(error) => return Err(fault(format!("its SPIR-V cannot be read: {error}"))),
-    };
-    let used = statically_used(spirv);
-    let slots = check_bindings(declaration, entry, &used).map_err(fault)?;
-    check_push(declaration, entry, used.push_constants).map_err(fault)?;
-    check_structs(declaration, entry, &used).map_err(fault)?;
+    let mut module = Instructions::default();
+    parse_words(spirv, &mut module).map_err(|error| fault(format!("its SPIR-V cannot be read: {error}")))?;
+    let shader = Shader::new(&module.0);
+    let slots = check_bindings(declaration, &shader).map_err(fault)?;
+    check_push(declaration, &shader).map_err(fault)?;
+    check_structs(declaration, &shader).map_err(fault)?;
     for &(id, _) in specialization {
-        let known = |v: &Variable| matches!(v, Variable::SpecConstant { spec_id, .. } if *spec_id == id);
-        if !entry.vars.iter().any(known) {
+        if !shader.decorations.values().flatten().any(|d| *d == (Decoration::SpecId, id)) {
             return Err(fault(format!("it has no specialization constant {id}")));
         }
     }
-    let local_size = local_size(entry, specialization).ok_or_else(|| fault("its local size is unknown".into()))?;
+    let local_size = shader.local_size(specialization).ok_or_else(|| fault("its local size is unknown".into()))?;
     Ok(Reflected { local_size, slots })
 }
 
-fn check_bindings(
-    declaration: &PassDeclaration,
-    entry: &EntryPoint,
-    used: &Used,
-) -> std::result::Result<Vec<Slot>, String> {
-    let mut slots = Vec::new();
-    for variable in &entry.vars {
-        let Variable::Descriptor { name, desc_bind, desc_ty, ty, nbind } = variable else { continue };
-        let binding = desc_bind.bind();
-        if !used.bindings.contains(&(desc_bind.set(), binding)) {
-            continue; // from an include; this shader never touches it
+fn check_bindings(declaration: &PassDeclaration, shader: &Shader<'_>) -> Checked<Vec<Slot>> {
+    let mut slots: Vec<Slot> = Vec::new();
+    for variable in shader.resources() {
+        let name = shader.names.get(&variable.id).copied().unwrap_or("");
+        let binding = shader.decoration(variable.id, None, Decoration::Binding).unwrap_or(0);
+        if name.is_empty() {
+            return Err(format!("binding {binding} has no instance name"));
         }
-        let name = name.as_deref().ok_or_else(|| format!("binding {binding} has no instance name"))?;
-        if desc_bind.set() != 0 {
-            return Err(format!("binding {name} is in set {}, not 0", desc_bind.set()));
-        }
-        if *nbind != 1 {
-            return Err(format!("binding {name} is an array of descriptors"));
+        if let Some(set @ 1..) = shader.decoration(variable.id, None, Decoration::DescriptorSet) {
+            return Err(format!("binding {name} is in set {set}, not 0"));
         }
         let Some(&(name, access)) = declaration.bindings.iter().find(|(declared, _)| *declared == name) else {
             return Err(format!("binding {name} is used and not declared"));
         };
-        let (kind, shader_access) = kind(name, desc_ty, ty)?;
+        let (kind, shader_access) = shader.kind(name, variable)?;
         if access != shader_access {
             return Err(format!("binding {name} is declared as {access:?} and GLSL says {shader_access:?}"));
         }
-        if let Some(Slot { name: other, .. }) = slots.iter().find(|slot: &&Slot| slot.binding == binding) {
+        if let Some(Slot { name: other, .. }) = slots.iter().find(|slot| slot.binding == binding) {
             return Err(format!("{name} and {other} share binding {binding}"));
         }
         slots.push(Slot { name, binding, access, kind });
@@ -120,41 +106,8 @@ fn check_bindings(
     Ok(slots)
 }
 
-fn kind(name: &str, descriptor: &DescriptorType, ty: &Type) -> std::result::Result<(Kind, Access), String> {
-    let access = |access: &AccessType| match access {
-        AccessType::ReadOnly => Access::Read,
-        AccessType::WriteOnly => Access::Write,
-        AccessType::ReadWrite => Access::ReadWrite,
-    };
-    match (descriptor, ty) {
-        (DescriptorType::StorageBuffer(a), _) => Ok((Kind::StorageBuffer, access(a))),
-        (DescriptorType::UniformBuffer(), _) => Ok((Kind::UniformBuffer, Access::Read)),
-        (DescriptorType::StorageImage(a), Type::StorageImage(image)) => {
-            let format = match image.fmt {
-                ImageFormat::R32f => Format::R32f,
-                ImageFormat::Rg32f => Format::Rg32f,
-                ImageFormat::Rgba16f => Format::Rgba16f,
-                ImageFormat::Rgba32f => Format::Rgba32f,
-                ImageFormat::R32ui => Format::R32u,
-                ImageFormat::Rgba32ui => Format::Rgba32u,
-                other => return Err(format!("image {name} has the format {other:?}, which nothing here uses")),
-            };
-            Ok((Kind::StorageImage { format, array: image.is_array }, access(a)))
-        }
-        (DescriptorType::CombinedImageSampler(), Type::CombinedImageSampler(sampler)) => {
-            let image = &sampler.sampled_image_ty;
-            let integer = matches!(image.scalar_ty, spirq::ty::ScalarType::Integer { .. });
-            Ok((Kind::Sampled { array: image.is_array, integer }, Access::Read))
-        }
-        (other, _) => Err(format!("binding {name} is a {other:?}, which nothing here uses")),
-    }
-}
-
-fn check_push(declaration: &PassDeclaration, entry: &EntryPoint, used: bool) -> std::result::Result<(), String> {
-    let block = entry.vars.iter().find_map(|v| match v {
-        Variable::PushConstant { ty: Type::Struct(block), .. } if used => Some(block),
-        _ => None,
-    });
+fn check_push(declaration: &PassDeclaration, shader: &Shader<'_>) -> Checked<()> {
+    let block = shader.variables.iter().find(|v| v.class == StorageClass::PushConstant);
     match (block, &declaration.push) {
         (None, None) => Ok(()),
         (Some(_), None) => Err("its push constants are not declared".into()),
@@ -163,50 +116,17 @@ fn check_push(declaration: &PassDeclaration, entry: &EntryPoint, used: bool) -> 
             if push.size > 128 {
                 return Err(format!("push constants take {} bytes and Vulkan promises 128", push.size));
             }
-            check_fields("push constants", block, push.size, push.fields)
+            shader.check_fields("push constants", block.ty, push.size, push.fields)
         }
     }
 }
 
-/// Compares a GLSL struct with a Rust one: names, offsets and sizes of its members, and its size.
-fn check_fields(what: &str, block: &StructType, size: usize, fields: Fields) -> std::result::Result<(), String> {
-    if block.members.len() != fields.len() {
-        return Err(format!("{what}: GLSL has {} fields and Rust {}", block.members.len(), fields.len()));
-    }
-    for (i, (member, &(name, offset))) in block.members.iter().zip(fields).enumerate() {
-        let glsl = member.name.as_deref().unwrap_or("without a name");
-        if glsl != name {
-            return Err(format!("{what}: field {i} is {glsl} in GLSL and {name} in Rust"));
-        }
-        if member.offset != Some(offset) {
-            let there = member.offset.map_or("unknown".to_owned(), |o| o.to_string());
-            return Err(format!("{what}: offset of {name} is {there} in GLSL and {offset} in Rust"));
-        }
-        // Plain-data structs have no padding: a field ends where the next begins.
-        let rust = fields.get(i + 1).map_or(size, |next| next.1).checked_sub(offset);
-        let glsl = match &member.ty {
-            Type::Struct(_) => None, // its own entry in `structs` is checked
-            ty => ty.nbyte(),
-        };
-        if let (Some(glsl), Some(rust)) = (glsl, rust)
-            && glsl != rust
-        {
-            return Err(format!("{what}: {name} takes {glsl} bytes in GLSL and {rust} in Rust"));
-        }
-    }
-    Ok(())
-}
-
-fn check_structs(declaration: &PassDeclaration, entry: &EntryPoint, used: &Used) -> std::result::Result<(), String> {
+fn check_structs(declaration: &PassDeclaration, shader: &Shader<'_>) -> Checked<()> {
     for &(name, size, fields) in declaration.structs {
         let mut found = false;
-        for variable in &entry.vars {
-            let Variable::Descriptor { desc_bind, ty, .. } = variable else { continue };
-            if !used.bindings.contains(&(desc_bind.set(), desc_bind.bind())) {
-                continue;
-            }
-            visit_structs(ty, None, &mut |block, stride| {
-                if block.name() != Some(name) {
+        for variable in shader.resources() {
+            shader.visit_structs(variable.ty, None, &mut |block, stride| {
+                if shader.names.get(&block) != Some(&name) {
                     return Ok(());
                 }
                 found = true;
@@ -215,7 +135,7 @@ fn check_structs(declaration: &PassDeclaration, entry: &EntryPoint, used: &Used)
                 {
                     return Err(format!("struct {name}: its array stride is {stride} in GLSL and {size} in Rust"));
                 }
-                check_fields(&format!("struct {name}"), block, size, fields)
+                shader.check_fields(&format!("struct {name}"), block, size, fields)
             })?;
         }
         if !found {
@@ -225,85 +145,283 @@ fn check_structs(declaration: &PassDeclaration, entry: &EntryPoint, used: &Used)
     Ok(())
 }
 
-/// Calls `visit` for every struct within `ty`, with the stride of the array it is an element of.
-fn visit_structs(
-    ty: &Type,
-    stride: Option<usize>,
-    visit: &mut dyn FnMut(&StructType, Option<usize>) -> std::result::Result<(), String>,
-) -> std::result::Result<(), String> {
-    match ty {
-        Type::Array(array) => visit_structs(&array.element_ty, array.stride, visit),
-        Type::Struct(block) => {
-            visit(block, stride)?;
-            block.members.iter().try_for_each(|member| visit_structs(&member.ty, None, visit))
-        }
-        _ => Ok(()),
+/// The instructions of a module, as they come: rspirv's own loader stumbles over `OpExecutionModeId`.
+#[derive(Default)]
+struct Instructions(Vec<Instruction>);
+
+impl Consumer for Instructions {
+    fn initialize(&mut self) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn finalize(&mut self) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn consume_header(&mut self, _: ModuleHeader) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn consume_instruction(&mut self, instruction: Instruction) -> ParseAction {
+        self.0.push(instruction);
+        ParseAction::Continue
     }
 }
 
-fn local_size(entry: &EntryPoint, specialization: &[(u32, u32)]) -> Option<[u32; 3]> {
-    let mode = entry
-        .exec_modes
-        .iter()
-        .find(|mode| matches!(mode.exec_mode, ExecutionMode::LocalSize | ExecutionMode::LocalSizeId))?;
-    let mut size = [0; 3];
-    for (size, constant) in size.iter_mut().zip(&mode.operands) {
-        let chosen = specialization.iter().find(|(id, _)| constant.spec_id == Some(*id));
-        *size = match (chosen, &constant.value) {
-            (Some((_, value)), _) => *value,
-            (None, ConstantValue::U32(value)) => *value,
-            (None, ConstantValue::S32(value)) => u32::try_from(*value).ok()?,
-            (None, ConstantValue::Typeless(bytes)) => u32::from_le_bytes(bytes.as_ref().try_into().ok()?),
-            _ => return None,
+/// A global variable that some function refers to.
+#[derive(Clone, Copy)]
+struct Variable {
+    id: u32,
+    class: StorageClass,
+    /// What it points to.
+    ty: u32,
+}
+
+/// What is decorated: an id, or one of its members.
+type Decorated = (u32, Option<u32>);
+
+/// A SPIR-V module, indexed by what is asked of it.
+struct Shader<'a> {
+    globals: HashMap<u32, &'a Instruction>,
+    names: HashMap<u32, &'a str>,
+    member_names: HashMap<(u32, u32), &'a str>,
+    /// Each with its first number, or 0.
+    decorations: HashMap<Decorated, Vec<(Decoration, u32)>>,
+    local_size: Option<&'a [Operand]>,
+    variables: Vec<Variable>,
+}
+
+fn id(operand: Option<&Operand>) -> Option<u32> {
+    operand.and_then(Operand::id_ref_any)
+}
+
+fn number(operand: Option<&Operand>) -> Option<u32> {
+    match operand {
+        Some(Operand::LiteralBit32(value)) => Some(*value),
+        _ => None,
+    }
+}
+
+impl<'a> Shader<'a> {
+    fn new(instructions: &'a [Instruction]) -> Self {
+        let body = instructions.iter().position(|i| i.class.opcode == Op::Function).unwrap_or(instructions.len());
+        let (global, functions) = instructions.split_at(body);
+        let touched: HashSet<u32> =
+            functions.iter().flat_map(|i| i.operands.iter().filter_map(Operand::id_ref_any)).collect();
+        let mut shader = Self {
+            globals: global.iter().filter_map(|i| Some((i.result_id?, i))).collect(),
+            names: HashMap::new(),
+            member_names: HashMap::new(),
+            decorations: HashMap::new(),
+            local_size: None,
+            variables: Vec::new(),
         };
+        for instruction in global {
+            shader.index(instruction, &touched);
+        }
+        shader
     }
-    size.iter().all(|&n| n > 0).then_some(size)
-}
 
-/// What the functions of a module touch.
-struct Used {
-    bindings: HashSet<(u32, u32)>, // set, binding
-    push_constants: bool,
-}
-
-/// Descriptor bindings and push constants that some instruction refers to. Reflection libraries follow loads and
-/// stores only, and so overlook `.length()` and image atomics.
-fn statically_used(spirv: &[u32]) -> Used {
-    let mut placed: HashMap<u32, [u32; 2]> = HashMap::new(); // variable → set, binding
-    let mut push = HashSet::new();
-    let mut used = Used { bindings: HashSet::new(), push_constants: false };
-    let mut rest = spirv.get(5..).unwrap_or(&[]);
-    while let Some(&head) = rest.first() {
-        let (length, opcode) = ((head >> 16) as usize, head & 0xffff);
-        let Some(operands) = rest.get(1..length.max(1)) else { break };
-        rest = &rest[length.max(1)..];
-        // Where an instruction names the pointers it goes through.
-        let pointers = match opcode {
-            71 => {
-                if let [target, decoration @ (33 | 34), value] = *operands {
-                    placed.entry(target).or_default()[usize::from(decoration == 33)] = value;
+    fn index(&mut self, instruction: &'a Instruction, touched: &HashSet<u32>) {
+        let operands = instruction.operands.as_slice();
+        match (instruction.class.opcode, operands) {
+            (Op::Name, [Operand::IdRef(id), Operand::LiteralString(name)]) => {
+                self.names.insert(*id, name);
+            }
+            (Op::MemberName, [Operand::IdRef(id), Operand::LiteralBit32(member), Operand::LiteralString(name)]) => {
+                self.member_names.insert((*id, *member), name);
+            }
+            (Op::Decorate, [Operand::IdRef(id), Operand::Decoration(decoration), rest @ ..]) => {
+                let value = number(rest.first()).unwrap_or(0);
+                self.decorations.entry((*id, None)).or_default().push((*decoration, value));
+            }
+            (
+                Op::MemberDecorate,
+                [Operand::IdRef(id), Operand::LiteralBit32(member), Operand::Decoration(decoration), rest @ ..],
+            ) => {
+                let value = number(rest.first()).unwrap_or(0);
+                self.decorations.entry((*id, Some(*member))).or_default().push((*decoration, value));
+            }
+            (
+                Op::ExecutionMode | Op::ExecutionModeId,
+                [_, Operand::ExecutionMode(ExecutionMode::LocalSize | ExecutionMode::LocalSizeId), size @ ..],
+            ) => self.local_size = Some(size),
+            (Op::Variable, [Operand::StorageClass(class), ..]) => {
+                let ty = instruction.result_type.and_then(|pointer| self.operand_id(pointer, 1));
+                if let (Some(id), Some(ty)) = (instruction.result_id, ty)
+                    && touched.contains(&id)
+                {
+                    self.variables.push(Variable { id, class: *class, ty });
                 }
-                continue;
             }
-            59 => {
-                if let [_, id, 9, ..] = *operands {
-                    push.insert(id); // OpVariable in the class PushConstant
-                }
-                continue;
-            }
-            57 => operands.get(3..),                      // OpFunctionCall: arguments
-            60 | 61 | 65..=68 | 83 => operands.get(2..3), // texel pointer, load, access chains, array length, copy object
-            62 | 228 => operands.get(..1),                // store, atomic store
-            63 => operands.get(..2),                      // copy memory
-            227 | 229..=242 => operands.get(2..3),        // other atomics
-            _ => continue,
-        };
-        for id in pointers.unwrap_or(&[]) {
-            if let Some(&[set, binding]) = placed.get(id) {
-                used.bindings.insert((set, binding));
-            }
-            used.push_constants |= push.contains(id);
+            _ => {}
         }
     }
-    used
+
+    /// Variables bound by descriptors.
+    fn resources(&self) -> impl Iterator<Item = Variable> {
+        let classes = [StorageClass::StorageBuffer, StorageClass::Uniform, StorageClass::UniformConstant];
+        self.variables.iter().copied().filter(move |v| classes.contains(&v.class))
+    }
+
+    fn opcode(&self, id: u32) -> Op {
+        self.globals.get(&id).map_or(Op::Nop, |i| i.class.opcode)
+    }
+
+    fn operand(&self, id: u32, n: usize) -> Option<&'a Operand> {
+        self.globals.get(&id).and_then(|i| i.operands.get(n))
+    }
+
+    fn operand_id(&self, of: u32, n: usize) -> Option<u32> {
+        id(self.operand(of, n))
+    }
+
+    fn decoration(&self, id: u32, member: Option<u32>, wanted: Decoration) -> Option<u32> {
+        self.decorations.get(&(id, member))?.iter().find(|(d, _)| *d == wanted).map(|(_, value)| *value)
+    }
+
+    /// Whether a variable, or every member of its block, is decorated so.
+    fn restricted(&self, variable: Variable, by: Decoration) -> bool {
+        let members = match (self.opcode(variable.ty), self.globals.get(&variable.ty)) {
+            (Op::TypeStruct, Some(block)) => block.operands.len() as u32,
+            _ => 0,
+        };
+        self.decoration(variable.id, None, by).is_some()
+            || members > 0 && (0..members).all(|m| self.decoration(variable.ty, Some(m), by).is_some())
+    }
+
+    fn kind(&self, name: &str, variable: Variable) -> Checked<(Kind, Access)> {
+        let (readonly, writeonly) =
+            (self.restricted(variable, Decoration::NonWritable), self.restricted(variable, Decoration::NonReadable));
+        let access = match (readonly, writeonly) {
+            (true, _) => Access::Read,
+            (false, true) => Access::Write,
+            (false, false) => Access::ReadWrite,
+        };
+        let unknown = || Err(format!("binding {name} is of a kind that nothing here uses"));
+        match (variable.class, self.opcode(variable.ty)) {
+            (StorageClass::StorageBuffer, Op::TypeStruct) => Ok((Kind::StorageBuffer, access)),
+            (StorageClass::Uniform, Op::TypeStruct) => Ok((Kind::UniformBuffer, Access::Read)),
+            (StorageClass::UniformConstant, Op::TypeImage) => {
+                let (Some(array), Some(format)) = (self.flat_image(variable.ty), self.operand(variable.ty, 6)) else {
+                    return unknown();
+                };
+                let Operand::ImageFormat(format) = format else { return unknown() };
+                let format = match format {
+                    ImageFormat::R32f => Format::R32f,
+                    ImageFormat::Rg32f => Format::Rg32f,
+                    ImageFormat::Rgba16f => Format::Rgba16f,
+                    ImageFormat::Rgba32f => Format::Rgba32f,
+                    ImageFormat::R32ui => Format::R32u,
+                    ImageFormat::Rgba32ui => Format::Rgba32u,
+                    other => return Err(format!("image {name} has the format {other:?}, which nothing here uses")),
+                };
+                Ok((Kind::StorageImage { format, array }, access))
+            }
+            (StorageClass::UniformConstant, Op::TypeSampledImage) => {
+                let image = self.operand_id(variable.ty, 0);
+                let Some((image, array)) = image.and_then(|i| Some((i, self.flat_image(i)?))) else {
+                    return unknown();
+                };
+                let integer = self.operand_id(image, 0).is_some_and(|t| self.opcode(t) == Op::TypeInt);
+                Ok((Kind::Sampled { array, integer }, Access::Read))
+            }
+            _ => unknown(),
+        }
+    }
+
+    /// Whether a 2D image has layers; `None` for images of other kinds.
+    fn flat_image(&self, ty: u32) -> Option<bool> {
+        let multisampled = number(self.operand(ty, 4))?;
+        let flat = matches!(self.operand(ty, 1), Some(Operand::Dim(Dim::Dim2D))) && multisampled == 0;
+        flat.then_some(number(self.operand(ty, 3))? == 1)
+    }
+
+    /// Compares a GLSL struct with a Rust one: names, offsets and sizes of its members.
+    fn check_fields(&self, what: &str, block: u32, size: usize, fields: Fields) -> Checked<()> {
+        let members = self.globals.get(&block).map_or(&[][..], |block| &block.operands);
+        if members.len() != fields.len() {
+            return Err(format!("{what}: GLSL has {} fields and Rust {}", members.len(), fields.len()));
+        }
+        for (i, (ty, &(name, offset))) in (0..).zip(members.iter().zip(fields)) {
+            let glsl = self.member_names.get(&(block, i)).copied().unwrap_or("without a name");
+            if glsl != name {
+                return Err(format!("{what}: field {i} is {glsl} in GLSL and {name} in Rust"));
+            }
+            let there = self.decoration(block, Some(i), Decoration::Offset);
+            if there != u32::try_from(offset).ok() {
+                let there = there.map_or("unknown".to_owned(), |o| o.to_string());
+                return Err(format!("{what}: offset of {name} is {there} in GLSL and {offset} in Rust"));
+            }
+            // Plain-data structs have no padding: a field ends where the next begins.
+            let rust = fields.get(i as usize + 1).map_or(size, |next| next.1).checked_sub(offset);
+            let glsl =
+                id(Some(ty)).and_then(|ty| self.bytes(ty, self.decoration(block, Some(i), Decoration::MatrixStride)));
+            if let (Some(glsl), Some(rust)) = (glsl, rust)
+                && glsl != rust
+            {
+                return Err(format!("{what}: {name} takes {glsl} bytes in GLSL and {rust} in Rust"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes of a value in a buffer, where that is known; `matrix_stride` is its member's.
+    fn bytes(&self, ty: u32, matrix_stride: Option<u32>) -> Option<usize> {
+        let count = number(self.operand(ty, 1));
+        match self.opcode(ty) {
+            Op::TypeInt | Op::TypeFloat => Some(number(self.operand(ty, 0))? as usize / 8),
+            Op::TypeVector => Some(self.bytes(self.operand_id(ty, 0)?, None)? * count? as usize),
+            Op::TypeMatrix => Some(matrix_stride? as usize * count? as usize),
+            Op::TypeArray => {
+                let length = self.operand_id(ty, 1)?;
+                let fixed = self.opcode(length) == Op::Constant;
+                let length = fixed.then(|| number(self.operand(length, 0))).flatten()?;
+                Some(self.decoration(ty, None, Decoration::ArrayStride)? as usize * length as usize)
+            }
+            Op::TypeStruct => {
+                let last = self.globals.get(&ty)?.operands.len().checked_sub(1)?;
+                let member = Some(last as u32);
+                let stride = self.decoration(ty, member, Decoration::MatrixStride);
+                let size = self.bytes(self.operand_id(ty, last)?, stride)?;
+                Some(self.decoration(ty, member, Decoration::Offset)? as usize + size)
+            }
+            _ => None,
+        }
+    }
+
+    /// Calls `visit` for every struct within `ty`, with the stride of the array it is an element of.
+    fn visit_structs(
+        &self,
+        ty: u32,
+        stride: Option<usize>,
+        visit: &mut dyn FnMut(u32, Option<usize>) -> Checked<()>,
+    ) -> Checked<()> {
+        match (self.opcode(ty), self.globals.get(&ty)) {
+            (Op::TypeArray | Op::TypeRuntimeArray, Some(array)) => {
+                let stride = self.decoration(ty, None, Decoration::ArrayStride).map(|s| s as usize);
+                id(array.operands.first()).map_or(Ok(()), |element| self.visit_structs(element, stride, visit))
+            }
+            (Op::TypeStruct, Some(block)) => {
+                visit(ty, stride)?;
+                let mut members = block.operands.iter().filter_map(Operand::id_ref_any);
+                members.try_for_each(|member| self.visit_structs(member, None, visit))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn local_size(&self, specialization: &[(u32, u32)]) -> Option<[u32; 3]> {
+        let mut threads = [0; 3];
+        for (threads, operand) in threads.iter_mut().zip(self.local_size?) {
+            let constant = id(Some(operand));
+            let spec_id = constant.and_then(|c| self.decoration(c, None, Decoration::SpecId));
+            let chosen = specialization.iter().find(|(id, _)| spec_id == Some(*id)).map(|(_, value)| *value);
+            *threads = chosen.or_else(|| match constant {
+                Some(constant) => number(self.operand(constant, 0)),
+                None => number(Some(operand)),
+            })?;
+        }
+        threads.iter().all(|&n| n > 0).then_some(threads)
+    }
 }

@@ -5,6 +5,8 @@
 pub struct Timings {
     /// Name and milliseconds, one a dispatch or transfer, in recording order; equal names may repeat.
     pub entries: Vec<(String, f64)>,
+    /// When each entry began, milliseconds after the first.
+    pub starts_ms: Vec<f64>,
     /// Milliseconds from the first timestamp to the last: the entries and the barriers between them.
     pub gpu_ms: f64,
 }
@@ -36,7 +38,8 @@ impl Clock {
             (Some(&first), Some(&last)) => self.milliseconds(first, last),
             _ => 0.0,
         };
-        Timings { entries, gpu_ms }
+        let starts_ms = stamps.iter().step_by(2).map(|&stamp| self.milliseconds(stamps[0], stamp)).collect();
+        Timings { entries, starts_ms, gpu_ms }
     }
 }
 

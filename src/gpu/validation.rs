@@ -37,7 +37,7 @@ unsafe extern "system" fn on_message(
         (text.map(|text| text.to_string_lossy().into_owned()), log.cast::<Log>().as_ref())
     };
     if let (Some(text), Some(log)) = (text, log) {
-        tracing::warn!("validation: {text}");
+        tracing::debug!("validation: {text}"); // whoever closes the device shows them all
         log.push(text);
     }
     vk::FALSE
@@ -108,7 +108,7 @@ pub const SUBMIT_CHECKS: (&str, &str) = (
      VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT",
 );
 
-/// Sets [`SUBMIT_CHECKS`] unless the user has set that variable.
+/// Sets [`SUBMIT_CHECKS`] unless the user has set that variable; nothing but the layer, where loaded, reads it.
 ///
 /// # Safety
 /// No other thread may run: call it first thing in `main`. Tests get it from `.cargo/config.toml` instead.

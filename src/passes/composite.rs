@@ -16,10 +16,10 @@ impl Composite {
         use Access::{Read, Write};
         const BINDINGS: &[(&str, Access)] = &[
             ("in_view", Read),
-            ("in_camera", Read),
-            ("in_albedo", Read),
+            ("in_camera_radiance", Read),
+            ("in_albedo_virtual", Read),
             ("in_emission", Read),
-            ("in_coverage", Read),
+            ("in_real_coverage", Read),
             ("in_mask", Read),
             ("in_a", Read),
             ("in_b", Read),

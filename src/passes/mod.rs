@@ -1,6 +1,6 @@
 //! The passes: one file each, under the name that shader, timing and documents use.
 //!
-//! Per new video frame: [`radiance_pyramid`], [`normals`], [`depth_pyramid`]. Per frame: [`gbuffer`], [`sampling_mask`],
+//! Per new video frame: [`radiance_pyramid`], [`normals`], [`depth_pyramid`], [`light_table`]. Per frame: [`gbuffer`], [`sampling_mask`],
 //! [`irradiance`], [`interpolate`], [`temporal`], [`atrous`], [`composite`]. Each runs on a [`view::View`]: the picture, or the relit
 //! panorama's map, which is a picture too.
 
@@ -11,6 +11,7 @@ pub mod depth_pyramid;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod irradiance;
+pub mod light_table;
 pub mod normals;
 pub mod panorama;
 pub mod radiance_pyramid;

@@ -74,6 +74,7 @@ impl Panorama {
         resources.add("panorama_normal", Resource::Image(gpu.image("panorama normal", depth_size, 1, 1, Format::Rgba16f)?));
         resources.add("plane", Resource::Image(gpu.image("panorama plane", depth_size, 1, 1, Format::Rgba32f)?));
         resources.add("pyramid", Resource::Buffer(gpu.buffer("depth pyramid", u64::from(shape.nodes) * 24)?));
+        resources.add("lights", Resource::Buffer(gpu.buffer("light table", super::light_table::BYTES)?));
         Ok(Self { color_size, depth_size, yaw_degrees, shape, resources, radiance, raw_depth })
     }
 

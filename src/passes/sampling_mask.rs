@@ -26,7 +26,7 @@ impl SamplingMask {
             ("in_position", Read),
             ("in_normal", Read),
             ("in_motion", Read),
-            ("in_coverage", Read),
+            ("in_real_coverage", Read),
             ("history_moments", Read),
             ("out_mask", Write),
             ("out_list", Write),
@@ -38,7 +38,8 @@ impl SamplingMask {
 
     /// Records the clearing of the lists and the dispatch.
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings, history_valid: bool) -> Result<()> {
-        frame.fill(&view.arguments, 0)?;
+        frame.scope("sampling_mask");
+        frame.fill(&view.arguments, 0);
         frame.barrier("sampling_mask counts from zero");
         let push = SamplingMaskPush {
             dense: u32::from(!settings.sampling_mask),
@@ -46,6 +47,8 @@ impl SamplingMask {
             short_history: settings.short_history,
             sharp_roughness: settings.sharp_roughness,
         };
-        self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Size([view.size[0], view.size[1], 1]))
+        let recorded = self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Size([view.size[0], view.size[1], 1]));
+        frame.scope_end();
+        recorded
     }
 }

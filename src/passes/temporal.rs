@@ -9,7 +9,7 @@ use crate::{
 
 gpu_struct! {
     /// Push constants of `temporal.comp`.
-    pub struct TemporalPush { pub history_valid: u32, pub clamp_spread: f32 }
+    pub struct TemporalPush { pub history_valid: u32, pub interpolated: u32, pub clamp_spread: f32 }
 }
 
 /// See the module.
@@ -45,10 +45,10 @@ impl Temporal {
         Ok(Self { still: kernel(0)?, clamped: kernel(1)? })
     }
 
-    /// Records the dispatch; `clamp_spread` in standard deviations, 0 for none.
-    pub fn record(&self, frame: &mut Frame, view: &View, history_valid: bool, clamp_spread: f32) -> Result<()> {
+    /// Records the dispatch; `interpolated`: untraced pixels hold a value; `clamp_spread` in standard deviations, 0 for none.
+    pub fn record(&self, frame: &mut Frame, view: &View, history_valid: bool, interpolated: bool, clamp_spread: f32) -> Result<()> {
         let kernel = if clamp_spread > 0.0 { &self.clamped } else { &self.still };
-        let push = TemporalPush { history_valid: u32::from(history_valid), clamp_spread };
+        let push = TemporalPush { history_valid: u32::from(history_valid), interpolated: u32::from(interpolated), clamp_spread };
         kernel.dispatch(frame, &[], &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
     }
 }

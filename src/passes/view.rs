@@ -133,11 +133,11 @@ impl View {
             resources.add(name, Resource::History([image(name, 2, format)?, image(name, 2, format)?]));
         }
         for (name, format) in [
-            ("camera", Format::Rgba32f),
-            ("albedo", Format::Rgba16f),
+            ("camera_radiance", Format::Rgba32f),
+            ("albedo_virtual", Format::Rgba16f),
             ("emission", Format::Rgba16f),
             ("hit", Format::Rgba32u),
-            ("coverage", Format::R32f),
+            ("real_coverage", Format::R32f),
             ("radiance", Format::Rgba32f),
         ] {
             resources.add(name, Resource::Image(image(name, 1, format)?));

@@ -1,3 +1,21 @@
 //! What is shown: scene file, objects, materials, BVH, camera, animation.
+pub mod animation;
+pub mod bounds;
+pub mod bvh;
+pub mod camera;
+pub mod clip;
+pub mod fields;
+pub mod file;
+mod file_panorama;
+pub mod gltf;
+pub mod load;
+pub mod material;
+pub mod mips;
+pub mod model;
+pub mod pack;
 pub mod packed;
 pub mod rooms;
+pub mod shapes;
+pub mod state;
+
+pub use state::{Object, Scene, SceneState};

@@ -1,0 +1,31 @@
+# The build, the tests and the demo. `make build` leaves target/release/iprt.
+
+# How shaderc is linked; looked up when used, so after setup.
+SHADERC = $(shell scripts/shaderc-flags)
+# cargo-nextest where it is installed.
+RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" || echo test)
+
+.PHONY: demo build test lint setup clean
+
+demo: build
+	mkdir -p out
+	target/release/iprt render -o out/demo.png --timings
+
+build: setup
+	cargo build --release --locked $(SHADERC)
+
+# No Vulkan device and no validation layer is a failure, never a skip.
+test: setup
+	IPRT_REQUIRE_GPU=1 cargo $(RUNNER) --locked $(SHADERC)
+
+lint: setup
+	cargo fmt --check
+	cargo clippy --locked --all-targets $(SHADERC) -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps $(SHADERC)
+
+setup:
+	scripts/setup
+
+clean:
+	cargo clean
+	rm -rf out

@@ -1,0 +1,56 @@
+// The panorama as a light: directions about its centre drawn in proportion to how much brighter than the mean they are, and
+// the density of what was drawn, seen from anywhere.
+// A cell's weight is its solid angle times its luminance above the mean, so that only lamps and windows are drawn and BRDF sampling
+// keeps the rest. `light_table.comp` fills the table: header (share of drawing lights, total weight), cumulative row weights,
+// cumulative cell weights in each row, cell weights.
+#ifdef LIGHT_TABLE_WRITES
+layout(set = 0, binding = 8, scalar) buffer Lights { float share; float total; float value[]; } lights;
+#else
+layout(set = 0, binding = 8, scalar) readonly buffer Lights { float share; float total; float value[]; } in_lights;
+#endif
+
+const ivec2 LIGHT_CELLS = ivec2(256, 128);
+const int LIGHT_ROWS_AT = 0;
+const int LIGHT_CUMULATIVE_AT = 128;
+const int LIGHT_WEIGHTS_AT = 128 + 256 * 128;
+
+#ifndef LIGHT_TABLE_WRITES
+// A direction from the panorama's centre.
+vec3 light_sample(vec2 u, vec2 within) {
+    float x = u.x * in_lights.total;
+    int lo = 0, hi = LIGHT_CELLS.y - 1;
+    while (lo < hi) {
+        int mid = (lo + hi) / 2;
+        if (in_lights.value[LIGHT_ROWS_AT + mid] > x) hi = mid; else lo = mid + 1;
+    }
+    int row = lo, first = LIGHT_CUMULATIVE_AT + row * LIGHT_CELLS.x;
+    x = u.y * in_lights.value[first + LIGHT_CELLS.x - 1];
+    lo = 0; hi = LIGHT_CELLS.x - 1;
+    while (lo < hi) {
+        int mid = (lo + hi) / 2;
+        if (in_lights.value[first + mid] > x) hi = mid; else lo = mid + 1;
+    }
+    vec2 uv = (vec2(lo, row) + within) / vec2(LIGHT_CELLS);
+    float phi = 2.0 * PI * (uv.x - 0.5) - in_view.view.yaw, theta = PI * uv.y;
+    return vec3(sin(theta) * sin(phi), cos(theta), -sin(theta) * cos(phi));
+}
+
+// Density of light_sample per solid angle about the centre.
+float light_density_centre(vec2 uv) {
+    ivec2 cell = clamp(ivec2(uv * vec2(LIGHT_CELLS)), ivec2(0), LIGHT_CELLS - 1);
+    float p = in_lights.value[LIGHT_WEIGHTS_AT + cell.y * LIGHT_CELLS.x + cell.x] / max(in_lights.total, 1e-20);
+    return p * float(LIGHT_CELLS.x * LIGHT_CELLS.y) / (2.0 * PI * PI * max(sin(PI * uv.y), 1e-4));
+}
+
+// The same per solid angle about x, for what a ray from x along d met: p_c·(r² cos θ_c)/(D² cos θ_x) on a surface, p_c where the ray
+// left, nothing on skirts.
+float light_density(vec3 x, vec3 d, PanoramaHit hit) {
+    if (hit.kind == SKIRT || in_lights.share <= 0.0) return 0.0;
+    float p = light_density_centre(hit.uv);
+    if (hit.kind == FREE) return p;
+    vec3 point = x + d * hit.t;
+    float distance2 = dot(point, point);
+    float cos_c = abs(dot(hit.normal, point)) * inversesqrt(max(distance2, 1e-20)), cos_x = abs(dot(hit.normal, d));
+    return p * hit.t * hit.t * cos_c / max(distance2 * cos_x, 1e-12);
+}
+#endif

@@ -1,0 +1,48 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Per video frame, light_table (second dispatch, one workgroup): weights above the mean and their cumulative sums.
+// In/out: lights. A thread owns a row of cells.
+#define LIGHT_TABLE_WRITES
+#include "common.glsl"
+#include "light.glsl"
+layout(local_size_x = 128) in;
+
+shared float row_sum[128];
+shared float row_solid_angle[128];
+shared float mean;
+
+void main() {
+    int row = int(gl_LocalInvocationIndex);
+    int weights = LIGHT_WEIGHTS_AT + row * LIGHT_CELLS.x, cumulative = LIGHT_CUMULATIVE_AT + row * LIGHT_CELLS.x;
+    float solid_angle = (cos(PI * float(row) / float(LIGHT_CELLS.y)) - cos(PI * float(row + 1) / float(LIGHT_CELLS.y))) * 2.0 * PI / float(LIGHT_CELLS.x);
+    float sum = 0.0;
+    for (int x = 0; x < LIGHT_CELLS.x; x++) sum += lights.value[weights + x] * solid_angle;
+    row_sum[row] = sum;
+    barrier();
+    if (row == 0) {
+        float total = 0.0;
+        for (int r = 0; r < LIGHT_CELLS.y; r++) total += row_sum[r];
+        mean = total / (4.0 * PI);
+    }
+    barrier();
+    sum = 0.0;
+    for (int x = 0; x < LIGHT_CELLS.x; x++) {
+        float w = max(0.0, lights.value[weights + x] - mean) * solid_angle;
+        lights.value[weights + x] = w;
+        sum += w;
+        lights.value[cumulative + x] = sum;
+    }
+    row_sum[row] = sum;
+    barrier();
+    if (row == 0) {
+        float total = 0.0;
+        for (int r = 0; r < LIGHT_CELLS.y; r++) {
+            total += row_sum[r];
+            lights.value[LIGHT_ROWS_AT + r] = total;
+        }
+        lights.total = total;
+        // an even panorama has no lights worth drawing
+        float above = total / max(4.0 * PI * mean, 1e-20);
+        lights.share = above < 0.05 ? 0.0 : min(0.5, above);
+    }
+}

@@ -1,0 +1,34 @@
+//! `iprt check SCENE`: reads everything that a scene names and reports every problem at once.
+
+use crate::{Error, Result, scene::Scene};
+use std::path::PathBuf;
+
+/// Arguments of `iprt check`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// The scene file.
+    pub scene: PathBuf,
+}
+
+/// Prints each problem and warning on a line of its own.
+///
+/// # Errors
+/// The scene has problems: all but the last are printed here, the last is returned for the caller to print.
+pub fn run(args: &Args) -> Result<()> {
+    let (mut problems, warnings) = Scene::problems(&args.scene);
+    for warning in &warnings {
+        eprintln!("warning: {warning}");
+    }
+    let last = problems.pop();
+    for problem in &problems {
+        eprintln!("error: {problem}");
+    }
+    match last {
+        Some(Error::Input { subject, problem, remedy }) => Err(Error::Input { subject, problem, remedy }),
+        Some(other) => Err(other),
+        None => {
+            println!("{}: no problems, {} warnings", args.scene.display(), warnings.len());
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! Flags that several subcommands share, and what they make of them.
+
+use crate::{
+    Error, Result,
+    gpu::{Gpu, GpuOptions},
+    passes::view::Projection,
+    renderer::RenderOptions,
+    scene::Scene,
+    settings::{Method, Settings},
+};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::Path;
+
+/// The device.
+#[derive(Clone, Debug, clap::Args)]
+pub struct DeviceArgs {
+    /// Vulkan device, by its number or a part of its name (see `iprt devices`)
+    #[arg(long, env = "IPRT_DEVICE", value_name = "N|NAME")]
+    pub device: Option<String>,
+    /// Run under Vulkan validation, synchronization included; any message is an error
+    #[arg(long, env = "IPRT_VALIDATION", value_parser = clap::builder::FalseyValueParser::new())]
+    pub validation: bool,
+}
+
+impl DeviceArgs {
+    /// Opens the device.
+    pub fn open(&self) -> Result<Gpu> {
+        Gpu::new(&GpuOptions { device: self.device.clone(), validation: self.validation })
+    }
+
+    /// Closes it; under validation, every message is shown and is an error.
+    pub fn close(&self, gpu: Gpu) -> Result<()> {
+        if !self.validation {
+            return Ok(());
+        }
+        let messages = gpu.destroy()?;
+        for message in &messages {
+            eprintln!("validation: {message}");
+        }
+        match messages.len() {
+            0 => Ok(()),
+            n => Err(Error::Internal(format!("{n} validation messages"))),
+        }
+    }
+}
+
+/// The picture to make.
+#[derive(Clone, Debug, clap::Args)]
+pub struct PictureArgs {
+    /// A scene file, or a built-in room; the built-in `apartment` by default
+    pub scene: Option<String>,
+    /// Picture size; the scene's by default
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// iprt or reference; the scene's by default
+    #[arg(long)]
+    pub method: Option<String>,
+    /// A setting of the method, as key=value; may be repeated (see docs/pipeline.md)
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// perspective or equirect
+    #[arg(long, default_value = "perspective")]
+    pub projection: String,
+    /// Leave the virtual objects out
+    #[arg(long)]
+    pub without_objects: bool,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u32,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// Say less
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+impl PictureArgs {
+    /// Reads the scene and shows its warnings.
+    pub fn scene(&self) -> Result<Scene> {
+        let scene = open_scene(self.scene.as_deref(), self.quiet)?;
+        if !self.quiet {
+            for warning in &scene.warnings {
+                eprintln!("warning: {warning}");
+            }
+        }
+        Ok(scene)
+    }
+
+    /// What to render, from the scene file first and the flags over it.
+    pub fn options(&self, scene: &Scene) -> Result<RenderOptions> {
+        let method = match &self.method {
+            Some(name) => Method::parse(name, "--method")?,
+            None => Method::parse(&scene.render.method, &format!("{}: render.method", scene.name))?,
+        };
+        let mut settings = Settings::of(method);
+        for (key, value) in &scene.render.set {
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            settings.set(key, &text, &format!("{}: render.set", scene.name))?;
+        }
+        for pair in &self.set {
+            let (key, value) = pair
+                .split_once('=')
+                .ok_or_else(|| Error::input("--set", format!("\"{pair}\" is not key=value"), "write for example --set atrous_levels=3"))?;
+            settings.set(key.trim(), value.trim(), "--set")?;
+        }
+        let projection = match self.projection.as_str() {
+            "perspective" => Projection::Perspective,
+            "equirect" => Projection::Equirect,
+            other => return Err(Error::input("--projection", format!("unknown \"{other}\""), "use perspective or equirect")),
+        };
+        let size = match &self.size {
+            Some(text) => parse_size(text)?,
+            None => scene.camera.size,
+        };
+        Ok(RenderOptions { size, method, settings, projection, seed: self.seed, without_objects: self.without_objects })
+    }
+}
+
+/// The built-in scene where none is named, a built-in room by name, or a scene file.
+pub fn open_scene(name: Option<&str>, quiet: bool) -> Result<Scene> {
+let _ = quiet; let name = name.unwrap_or("apartment");
+    Scene::load(Path::new(name))
+}
+
+/// `WxH`.
+pub fn parse_size(text: &str) -> Result<[u32; 2]> {
+    let parse = || {
+        let (width, height) = text.split_once(['x', 'X', '×'])?;
+        Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
+    };
+    parse().ok_or_else(|| Error::input("--size", format!("\"{text}\" is not WIDTHxHEIGHT"), "write for example --size 1280x720"))
+}
+
+/// `A..B`, both included, or one number.
+pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
+    let parse = || match text.split_once("..") {
+        Some((a, b)) => Some([a.trim().parse().ok()?, b.trim().trim_start_matches('=').parse().ok()?]),
+        None => text.trim().parse().ok().map(|n| [n, n]),
+    };
+    match parse() {
+        Some([a, b]) if a <= b => Ok([a, b]),
+        _ => Err(Error::input("--frames", format!("\"{text}\" is not a range"), "write for example --frames 0..11, both included")),
+    }
+}
+
+/// A progress bar on standard error; hidden where it is not a terminal or `quiet`.
+pub fn progress(quiet: bool, length: u64, what: &str) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length).with_message(what.to_owned());
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}") {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,41 @@
+//! `iprt devices`: what there is to run on.
+
+use crate::{
+    Error, Result,
+    gpu::adapter::{self, Adapter},
+};
+
+/// Arguments of `devices`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Prints JSON: an array of {index, name, driver, api_version, kind, usable, problems}
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Lists every device, then fails if none is usable.
+///
+/// # Errors
+/// [`Error::NoDevice`] without a loader, a driver, or a usable device.
+pub fn run(args: &Args) -> Result<()> {
+    let adapters = adapter::list()?;
+    let default = adapter::choose(&adapters, None);
+    if args.json {
+        let json = serde_json::to_string_pretty(&adapters).map_err(|error| Error::Internal(error.to_string()))?;
+        super::print(&json)?;
+    } else if !adapters.is_empty() {
+        let lines: Vec<_> = adapters.iter().map(|a| line(a, default.as_ref().ok() == Some(&a.index))).collect();
+        super::print(&lines.join("\n"))?;
+    }
+    default.map(|_| ())
+}
+
+fn line(adapter: &Adapter, default: bool) -> String {
+    let Adapter { index, name, driver, api_version, kind, usable, problems } = adapter;
+    let verdict = match (usable, default) {
+        (true, true) => "usable, the default".to_owned(),
+        (true, false) => "usable".to_owned(),
+        (false, _) => format!("not usable: {}", problems.join(", ")),
+    };
+    format!("{index}  {name}\n   {kind}, Vulkan {api_version}, {driver}\n   {verdict}")
+}

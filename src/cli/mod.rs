@@ -1,0 +1,85 @@
+//! The command line: one file a subcommand, each with `Args` and a `run` that calls the crate's public API. A new
+//! subcommand is a file here, a variant of [`Command`] and its arm in `run`.
+
+pub mod bench;
+pub mod check;
+pub mod common;
+pub mod devices;
+pub mod reference;
+pub mod render;
+
+use std::io::{self, Write};
+
+use clap::{ArgAction, Parser, Subcommand};
+
+use crate::{Error, Result};
+
+/// Virtual objects in 360° RGBD video, lit by the video itself.
+#[derive(Debug, Parser)]
+#[command(name = "iprt", version, about, max_term_width = 120)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Say more on stderr; twice: still more
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub verbose: u8,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// List Vulkan devices, their drivers, and which are usable or why not
+    Devices(devices::Args),
+    /// Render pictures to files
+    Render(render::Args),
+    /// Measure the GPU time of every pass
+    Bench(bench::Args),
+    /// Render the converged picture of the method's own model
+    Reference(reference::Args),
+    /// Report every problem of a scene at once
+    Check(check::Args),
+}
+
+impl Command {
+    fn run(self) -> Result<()> {
+        match self {
+            Self::Devices(args) => devices::run(&args),
+            Self::Render(args) => render::run(&args),
+            Self::Bench(args) => bench::run(&args),
+            Self::Reference(args) => reference::run(&args),
+            Self::Check(args) => check::run(&args),
+        }
+    }
+}
+
+impl Cli {
+    /// Does what was asked.
+    ///
+    /// # Errors
+    /// What went wrong, for one line on stderr and [`Error::exit_code`].
+    pub fn run(self) -> Result<()> {
+        let level = match self.verbose {
+            0 => tracing::Level::WARN,
+            1 => tracing::Level::INFO,
+            _ => tracing::Level::DEBUG,
+        };
+        let log = tracing_subscriber::fmt().with_max_level(level).with_writer(io::stderr).without_time();
+        log.with_target(false).init();
+        self.command.run()
+    }
+}
+
+/// Prints to stdout. A reader that has seen enough (`| head`) is no error.
+///
+/// # Errors
+/// [`Error::Input`] where stdout cannot be written.
+pub fn print(text: &str) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::input("standard output", error, "write to a file or terminal that has room"))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,191 @@
+//! `iprt render`: pictures to files.
+
+use super::common::{PictureArgs, parse_frames, progress};
+use crate::{
+    Error, Result,
+    image_file::{ExrLayer, write::{write_display, write_exr}},
+    measure::bench,
+    renderer::Renderer,
+    scene::Scene,
+    settings::Method,
+};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `iprt render`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    pub picture: PictureArgs,
+    /// .png (display) or .exr (linear, with --aov layers); a %04d pattern for a sequence
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Frames A..B, both included; the whole video with a pattern, otherwise frame 0
+    #[arg(long, value_name = "A..B")]
+    pub frames: Option<String>,
+    /// Frames run before A, A held still [default: 15, with --method reference 0]
+    #[arg(long)]
+    pub warmup: Option<u32>,
+    /// Paths a pixel for --method reference
+    #[arg(long, default_value_t = 64)]
+    pub spp: u32,
+    /// Factor on radiance before display; the scene's by default
+    #[arg(long)]
+    pub exposure: Option<f32>,
+    /// Images to add to an EXR: names, or all
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    pub aov: Vec<String>,
+    /// Print the GPU time of each pass, measured over this many more frames
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "16")]
+    pub timings: Option<u32>,
+}
+
+/// Renders and writes.
+pub fn run(args: &Args) -> Result<()> {
+    let scene = args.picture.scene()?;
+    let options = args.picture.options(&scene)?;
+    let exposure = args.exposure.unwrap_or(scene.render.exposure);
+    if !(exposure.is_finite() && exposure > 0.0) {
+        return Err(Error::input("--exposure", format!("{exposure}"), "give a positive number"));
+    }
+    let sequence = is_pattern(&args.output);
+    let last = u32::try_from(scene.panorama.frame_count().max(1) - 1).unwrap_or(u32::MAX);
+    let [first, last] = match &args.frames {
+        Some(text) => parse_frames(text)?,
+        None if sequence => [0, last],
+        None => [0, 0],
+    };
+    if first != last && !sequence {
+        let problem = "one file for several frames".to_owned();
+        return Err(Error::input(args.output.display(), problem, "use a pattern, for example out_%04d.png"));
+    }
+    let kind = Kind::of(&args.output)?;
+    if kind == Kind::Png && !args.aov.is_empty() {
+        return Err(Error::input("--aov", "a PNG holds the picture alone", "write an .exr"));
+    }
+    require_folder(&args.output)?;
+
+    let reference = options.method == Method::Reference;
+    let warmup = args.warmup.unwrap_or(if reference { 0 } else { 15 });
+    let spp = if reference { args.spp.max(1) } else { 1 };
+    let gpu = args.picture.device.open()?;
+    let mut renderer = Renderer::new(&gpu, &scene, options)?;
+    check_aovs(&renderer, &args.aov)?;
+    let bar = progress(args.picture.quiet, u64::from(warmup) + u64::from(last - first + 1) * u64::from(spp), "rendering");
+    for _ in 0..warmup {
+        renderer.render(&scene, scene.panorama.frame_time(first as usize))?;
+        bar.inc(1);
+    }
+    for frame in first..=last {
+        if reference {
+            renderer.reset_history("a picture of its own");
+        }
+        for _ in 0..spp {
+            renderer.render(&scene, scene.panorama.frame_time(frame as usize))?;
+            bar.inc(1);
+        }
+        let path = if sequence { expand(&args.output, frame) } else { args.output.clone() };
+        write(&renderer, &path, kind, exposure, &args.aov)?;
+        bar.suspend(|| {
+            if !args.picture.quiet {
+                println!("{}", path.display());
+            }
+        });
+    }
+    bar.finish_and_clear();
+    if let Some(frames) = args.timings {
+        let report = time(&mut renderer, &scene, last, frames)?;
+        print!("{}", report.table());
+    }
+    drop(renderer);
+    args.picture.device.close(gpu)
+}
+
+fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::Report> {
+    bench::run(renderer, scene, first, frames, 1, || {})
+}
+
+/// What an output's name asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// 8-bit sRGB.
+    Png,
+    /// Linear float.
+    Exr,
+}
+
+impl Kind {
+    /// From the extension.
+    pub fn of(path: &Path) -> Result<Self> {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
+            Some("png") => Ok(Self::Png),
+            Some("exr") => Ok(Self::Exr),
+            _ => Err(Error::input(path.display(), "is neither .png nor .exr", "give one of these extensions")),
+        }
+    }
+}
+
+/// Writes the renderer's last picture.
+pub fn write(renderer: &Renderer, path: &Path, kind: Kind, exposure: f32, aovs: &[String]) -> Result<()> {
+    let size = renderer.options().size;
+    let picture = renderer.picture()?;
+    if kind == Kind::Png {
+        return write_display(path, size, &picture, exposure);
+    }
+    let mut layers = vec![ExrLayer::rgb("", size, &picture)];
+    let names = if aovs == ["all"] { renderer.aov_names() } else { aovs.to_vec() };
+    for name in names.iter().filter(|name| *name != "radiance") {
+        let texels = renderer.aov(name)?;
+        let channel = |i: usize| texels.iter().map(|t| t[i]).collect::<Vec<f32>>();
+        let channels = ["R", "G", "B", "A"].iter().enumerate().map(|(i, c)| ((*c).to_owned(), channel(i))).collect();
+        layers.push(ExrLayer { name: name.clone(), size, channels });
+    }
+    write_exr(path, &layers)
+}
+
+/// Unknown names are told before hours of rendering, not after.
+pub fn check_aovs(renderer: &Renderer, aovs: &[String]) -> Result<()> {
+    let known = renderer.aov_names();
+    match aovs.iter().find(|name| *name != "all" && !known.contains(name)) {
+        Some(name) => Err(Error::input("--aov", format!("there is no image \"{name}\""), format!("choose from all, {}", known.join(", ")))),
+        None => Ok(()),
+    }
+}
+
+/// The same for the folder of an output.
+pub fn require_folder(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let probe = tempfile::Builder::new().prefix(".iprt-").tempfile_in(folder);
+    probe.map(drop).map_err(|e| Error::input(path.display(), format!("cannot be written: {}", e.kind()), "give a folder that exists and is writable"))
+}
+
+fn is_pattern(path: &Path) -> bool {
+    placeholder(&path.to_string_lossy()).is_some()
+}
+
+/// Position, length and width of `%d` or `%0Nd`.
+fn placeholder(text: &str) -> Option<(usize, usize, usize)> {
+    let start = text.find('%')?;
+    let digits: String = text[start + 1..].chars().take_while(char::is_ascii_digit).collect();
+    let end = start + 1 + digits.len();
+    text[end..].starts_with('d').then(|| (start, end + 1 - start, digits.parse().unwrap_or(0)))
+}
+
+fn expand(path: &Path, frame: u32) -> PathBuf {
+    let text = path.to_string_lossy();
+    match placeholder(&text) {
+        Some((at, length, width)) => PathBuf::from(format!("{}{frame:0width$}{}", &text[..at], &text[at + length..])),
+        None => path.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_expand() {
+        assert_eq!(expand(Path::new("a_%04d.png"), 7), Path::new("a_0007.png"));
+        assert_eq!(expand(Path::new("a%d.png"), 12), Path::new("a12.png"));
+        assert!(!is_pattern(Path::new("a%x.png")));
+    }
+}

@@ -1,0 +1,9 @@
+//! Image files: PNG, JPEG, Radiance HDR and OpenEXR in; PNG and OpenEXR out.
+//!
+//! Files are told apart by their first bytes, not by their name.
+pub mod exr_file;
+pub mod read;
+pub mod write;
+
+pub use exr_file::ExrLayer;
+pub use read::{CodeImage, ColorImage, Image, Raster, Samples};

@@ -1,0 +1,98 @@
+//! Writing: beside the target first, then renamed, so that no output is ever half-written.
+
+use super::{
+    exr_file::{self, ExrLayer},
+    read::plain_io,
+};
+use crate::{Error, Result, scene::mips::linear_to_srgb};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use std::{
+    fs::File,
+    io::{BufWriter, Write},
+    path::Path,
+};
+
+/// Writes a file through `fill`, then moves it to `path`.
+///
+/// # Errors
+/// The folder or file cannot be written; what `fill` returns.
+pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> Result<()>) -> Result<()> {
+    let fail = |error: &std::io::Error| {
+        Error::input(
+            path.display(),
+            format!("cannot be written: {}", plain_io(error)),
+            "give a writable folder that exists",
+        )
+    };
+    if path.is_dir() {
+        return Err(Error::input(path.display(), "is a folder", "give a file name"));
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".iprt-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666)); // less the umask, as for any new file
+    let mut file = builder.tempfile_in(folder).map_err(|error| fail(&error))?;
+    let mut writer = BufWriter::new(file.as_file_mut());
+    fill(&mut writer)?;
+    writer.flush().map_err(|error| fail(&error))?;
+    drop(writer);
+    file.persist(path).map_err(|error| fail(&error.error))?;
+    Ok(())
+}
+
+/// Writes bytes.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, |out| out.write_all(bytes).map_err(|error| write_error(path, &error)))
+}
+
+fn write_error(path: &Path, error: &impl ToString) -> Error {
+    let problem = format!("cannot be written: {}", super::read::one_line(error));
+    Error::input(path.display(), problem, "free some space")
+}
+
+/// The 8-bit sRGB code of a linear value, clipped to 0..1; NaN is 0.
+pub fn display_code(linear: f32) -> u8 {
+    // The cast turns NaN into 0.
+    (linear_to_srgb(linear.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8
+}
+
+/// Writes linear radiance as it is displayed: sRGB(clip(exposure · L)), 8 bits a channel, alpha left out.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_display(path: &Path, size: [u32; 2], texels: &[[f32; 4]], exposure: f32) -> Result<()> {
+    let bytes: Vec<u8> =
+        texels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(|value| display_code(exposure * value))).collect();
+    write_png(path, size, &bytes, 3)
+}
+
+/// Writes 8-bit codes as they are, `channels` (1 grey, 3 RGB, 4 RGBA) interleaved.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_png(path: &Path, size: [u32; 2], codes: &[u8], channels: usize) -> Result<()> {
+    let color = match channels {
+        1 => ExtendedColorType::L8,
+        3 => ExtendedColorType::Rgb8,
+        4 => ExtendedColorType::Rgba8,
+        _ => return Err(Error::Internal(format!("writing PNG: {channels} channels"))),
+    };
+    if codes.len() != size[0] as usize * size[1] as usize * channels {
+        return Err(Error::Internal(format!("writing PNG: {} bytes for {size:?} × {channels}", codes.len())));
+    }
+    write_atomically(path, |out| {
+        PngEncoder::new(out).write_image(codes, size[0], size[1], color).map_err(|error| write_error(path, &error))
+    })
+}
+
+/// Writes layers of one size as float EXR; the main layer has no name.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_exr(path: &Path, layers: &[ExrLayer]) -> Result<()> {
+    write_atomically(path, |out| exr_file::encode(layers, out))
+}

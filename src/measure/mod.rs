@@ -1,0 +1,3 @@
+//! Measuring: what a frame costs.
+
+pub mod bench;

@@ -1,0 +1,129 @@
+//! Stored depth codes to radial metres.
+
+use super::mapping::texel_direction;
+use glam::{DVec3, Vec3};
+
+/// How stored codes stand for metres.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// Radial distance: scale·(v + offset).
+    Radial,
+    /// Radial distance: scale/(v + offset).
+    Disparity,
+    /// Distance along the axis of the cube face that the direction meets: scale·(v + offset).
+    Planar,
+}
+
+/// The spacing of integer codes, which limits how well a surface is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Quantisation {
+    /// Floating-point or analytic depth.
+    #[default]
+    None,
+    /// Codes are equally spaced in 1/metres.
+    Disparity {
+        /// 1/metres per code.
+        step: f32,
+    },
+    /// Codes are equally spaced in metres.
+    Radial {
+        /// Metres per code.
+        step: f32,
+    },
+}
+
+/// The rule from codes to metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rule {
+    pub encoding: Encoding,
+    pub scale: f64,
+    pub offset: f64,
+    /// Codes that are holes.
+    pub invalid: Vec<f64>,
+}
+
+impl Rule {
+    /// Radial metres of each code of an image of `size`; 0 is a hole.
+    pub fn metres(&self, codes: &[f32], size: [u32; 2]) -> Vec<f32> {
+        let metres = |(index, code): (usize, &f32)| {
+            let code = f64::from(*code);
+            if self.invalid.contains(&code) {
+                return 0.0;
+            }
+            let stored = code + self.offset;
+            let metres = match self.encoding {
+                Encoding::Radial => self.scale * stored,
+                Encoding::Disparity => self.scale / stored,
+                Encoding::Planar => {
+                    let (column, row) = (index as u32 % size[0], index as u32 / size[0]);
+                    self.scale * stored / texel_direction(column, row, size).abs().max_element()
+                }
+            };
+            let metres = metres as f32;
+            if metres.is_finite() && metres > 0.0 { metres } else { 0.0 }
+        };
+        codes.iter().enumerate().map(metres).collect()
+    }
+
+    /// The code spacing of integer images.
+    pub fn quantisation(&self) -> Quantisation {
+        match self.encoding {
+            Encoding::Disparity => Quantisation::Disparity { step: (1.0 / self.scale).abs() as f32 },
+            Encoding::Radial | Encoding::Planar => Quantisation::Radial { step: self.scale.abs() as f32 },
+        }
+    }
+}
+
+/// The radial depth of a box of `extent` around `center`, both relative to the panorama's point, seen from inside; the box
+/// is aligned with the world, the panorama turned by `yaw_degrees`.
+pub fn box_depth(size: [u32; 2], extent: Vec3, center: Vec3, yaw_degrees: f64) -> Vec<f32> {
+    let (low, high) = ((center - 0.5 * extent).as_dvec3(), (center + 0.5 * extent).as_dvec3());
+    let exit = |direction: DVec3| {
+        let wall = DVec3::select(direction.cmplt(DVec3::ZERO), low, high);
+        let distance = DVec3::select(direction.cmpeq(DVec3::ZERO), DVec3::INFINITY, wall / direction);
+        distance.min_element() as f32
+    };
+    (0..size[1])
+        .flat_map(|row| (0..size[0]).map(move |column| texel_direction(column, row, size)))
+        .map(|direction| exit(super::mapping::panorama_to_world(direction, yaw_degrees)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rule(encoding: Encoding, scale: f64, offset: f64) -> Rule {
+        Rule { encoding, scale, offset, invalid: vec![0.0] }
+    }
+
+    #[test]
+    fn codes_become_metres_and_bad_ones_holes() {
+        let codes = [0.0, 1.0, 4.0, -3.0, f32::NAN, f32::INFINITY];
+        assert_eq!(rule(Encoding::Radial, 0.5, 1.0).metres(&codes, [6, 1]), [0.0, 1.0, 2.5, 0.0, 0.0, 0.0]);
+        assert_eq!(rule(Encoding::Disparity, 6.0, -1.0).metres(&codes, [6, 1]), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn planar_depth_of_a_cube_is_constant() {
+        let size = [32, 16];
+        let cube = box_depth(size, Vec3::splat(4.0), Vec3::ZERO, 0.0);
+        let planar = rule(Encoding::Planar, 2.0, 0.0).metres(&vec![1.0; 512], size);
+        assert!(cube.iter().zip(&planar).all(|(a, b)| (a - b).abs() < 1e-5));
+    }
+
+    #[test]
+    fn box_depth_follows_the_yaw_and_the_centre() {
+        let size = [256, 128];
+        let (extent, center) = (Vec3::new(2.0, 20.0, 6.0), Vec3::new(0.5, 0.0, 0.0));
+        for (yaw, expected) in [(0.0, 3.0), (90.0, 0.5), (180.0, 3.0), (270.0, 1.5)] {
+            let depth = box_depth(size, extent, center, yaw);
+            let (row, column) = (64, 128); // looks forward
+            let d = super::super::mapping::panorama_to_world(texel_direction(column, row, size), yaw);
+            let hit = d.as_vec3() * depth[(row * 256 + column) as usize] - center;
+            assert!((hit.abs() / (0.5 * extent)).max_element() - 1.0 < 1e-5);
+            let along = d.abs().max_element() as f32 * depth[(row * 256 + column) as usize];
+            assert!((along - expected).abs() < 1e-4, "{yaw}: {along}");
+        }
+    }
+}

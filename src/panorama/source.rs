@@ -1,0 +1,339 @@
+//! Where panorama frames come from: image files, image sequences, memory.
+
+use super::{
+    depth::{Quantisation, Rule, box_depth},
+    pattern::Pattern,
+    tone,
+};
+use crate::{
+    Error, Result,
+    image_file::{CodeImage, ColorImage, Image, Raster, Samples, read},
+};
+use glam::Vec3;
+use std::path::{Path, PathBuf};
+
+/// One frame, equirectangular, row 0 towards +Y.
+#[derive(Clone, Debug, Default)]
+pub struct PanoramaFrame {
+    /// Width and height of `radiance`.
+    pub color_size: [u32; 2],
+    /// Linear Rec. 709, alpha 1; exposure and inverse tone mapping applied. Finite, ≥ 0.
+    pub radiance: Vec<[f32; 4]>,
+    /// Width and height of `depth`, which may differ from the colour's.
+    pub depth_size: [u32; 2],
+    /// Radial metres; 0 is a hole.
+    pub depth: Vec<f32>,
+    /// The spacing of the depth's codes.
+    pub quantisation: Quantisation,
+    /// What was mended or is unusual in these files.
+    pub warnings: Vec<String>,
+}
+
+/// Where depth comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DepthSource {
+    /// An image or a pattern.
+    Files(PathBuf),
+    /// A sphere of this radius, metres.
+    Sphere(f32),
+    /// A box of the world seen from inside: full extents and centre, metres.
+    Box { size: Vec3, center: Vec3 },
+    /// The second half of the colour image.
+    Packed,
+}
+
+/// How colour and depth share an image; colour comes first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packing {
+    Separate,
+    TopBottom,
+    LeftRight,
+}
+
+/// Frames `first`, `first + step`, … up to `last`, included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameRange {
+    pub first: u32,
+    pub last: u32,
+    pub step: u32,
+}
+
+/// The `[panorama]` of a scene file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PanoramaSpec {
+    /// An image or a pattern.
+    pub color: PathBuf,
+    pub depth: DepthSource,
+    pub packing: Packing,
+    pub frames: Option<FrameRange>,
+    /// Frames a second of a sequence.
+    pub fps: f64,
+    /// Depth codes to metres.
+    pub rule: Rule,
+    /// The capture point in the world, metres.
+    pub position: Vec3,
+    /// Right-handed about +Y.
+    pub yaw_degrees: f32,
+    /// Factor on radiance.
+    pub exposure: f32,
+    /// Linear value that a saturated LDR texel becomes (before `exposure`); 1 leaves them.
+    pub inverse_tonemap: f32,
+}
+
+/// A sequence of panorama frames.
+#[derive(Clone, Debug)]
+pub struct PanoramaSource {
+    frames: Frames,
+    /// Frames a second.
+    pub fps: f64,
+    /// The capture point in the world, metres.
+    pub position: Vec3,
+    /// Right-handed about +Y: world direction = rotate_y(yaw) · panorama direction.
+    pub yaw_degrees: f32,
+    /// The factor by which saturated LDR texels were raised, see [`tone`]; undone where the output is LDR.
+    pub inverse_tonemap: f32,
+}
+
+#[derive(Clone, Debug)]
+enum Frames {
+    Memory(Vec<PanoramaFrame>),
+    Files { spec: Box<PanoramaSpec>, color: Pattern, depth: Option<Pattern>, numbers: Vec<u32> },
+}
+
+impl PanoramaSource {
+    /// Frames made in memory.
+    ///
+    /// # Errors
+    /// No frame, or arrays that do not fit their sizes.
+    pub fn from_frames(frames: Vec<PanoramaFrame>, fps: f64, position: Vec3, yaw_degrees: f32) -> Result<Self> {
+        let fits = |size: [u32; 2], len: usize| len > 0 && size[0] as usize * size[1] as usize == len;
+        let all_fit = |f: &PanoramaFrame| fits(f.color_size, f.radiance.len()) && fits(f.depth_size, f.depth.len());
+        if frames.is_empty() || !frames.iter().all(all_fit) {
+            let problem = "no frames, or arrays that do not fit their sizes";
+            return Err(Error::input("panorama", problem, "give width × height texels"));
+        }
+        Ok(Self { frames: Frames::Memory(frames), fps, position, yaw_degrees, inverse_tonemap: 1.0 })
+    }
+
+    /// Frames read from files when they are asked for. Finds the files, but does not read them.
+    ///
+    /// # Errors
+    /// A bad pattern, no frames, files that are missing.
+    pub fn open(spec: PanoramaSpec) -> Result<Self> {
+        let color = Pattern::parse(&spec.color)?;
+        let depth = match &spec.depth {
+            DepthSource::Files(path) => Some(Pattern::parse(path)?),
+            _ => None,
+        };
+        let sequence = [Some(&color), depth.as_ref()].into_iter().flatten().find(|pattern| pattern.is_sequence());
+        let numbers: Vec<u32> = match (spec.frames, sequence) {
+            (_, None) => vec![0],
+            (Some(range), Some(_)) => (range.first..=range.last).step_by(range.step.max(1) as usize).collect(),
+            (None, Some(pattern)) => {
+                let numbers = pattern.existing()?;
+                if numbers.is_empty() {
+                    let name = spec.color.display();
+                    return Err(Error::input(
+                        name,
+                        "no file fits this pattern",
+                        "check the pattern or give frames = [a, b]",
+                    ));
+                }
+                numbers
+            }
+        };
+        for number in &numbers {
+            for file in [Some(&color), depth.as_ref()].into_iter().flatten().map(|pattern| pattern.file(*number)) {
+                if !file.exists() {
+                    return Err(Error::input(file.display(), "there is no such file", "check the name and the frames"));
+                }
+            }
+        }
+        let (fps, position, yaw_degrees) = (spec.fps, spec.position, spec.yaw_degrees);
+        let inverse_tonemap = spec.inverse_tonemap;
+        let frames = Frames::Files { spec: Box::new(spec), color, depth, numbers };
+        Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap })
+    }
+
+    /// How many frames there are, at least 1.
+    pub fn frame_count(&self) -> usize {
+        match &self.frames {
+            Frames::Memory(frames) => frames.len(),
+            Frames::Files { numbers, .. } => numbers.len(),
+        }
+    }
+
+    /// The frame shown at `time_seconds`; the first before the start, the last after the end.
+    pub fn frame_at(&self, time_seconds: f64) -> usize {
+        // A frame's own time must give that frame, also after rounding.
+        let index = (time_seconds * self.fps + 1e-6).floor().max(0.0) as usize;
+        index.min(self.frame_count() - 1)
+    }
+
+    /// The time at which frame `index` starts, seconds.
+    pub fn frame_time(&self, index: usize) -> f64 {
+        index as f64 / self.fps
+    }
+
+    /// Loads frame `index` (0-based; the last one where it is beyond the end).
+    ///
+    /// # Errors
+    /// A file that cannot be read or used.
+    pub fn load(&self, index: usize) -> Result<PanoramaFrame> {
+        let index = index.min(self.frame_count() - 1);
+        match &self.frames {
+            Frames::Memory(frames) => Ok(frames[index].clone()),
+            Frames::Files { spec, color, depth, numbers } => {
+                let number = numbers[index];
+                load_frame(spec, &color.file(number), depth.as_ref().map(|depth| depth.file(number)).as_deref())
+            }
+        }
+    }
+}
+
+fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>) -> Result<PanoramaFrame> {
+    let subject = color_path.display().to_string();
+    let mut warnings = Vec::new();
+    let image = read::read(color_path)?;
+    let (color, packed) = match spec.packing {
+        Packing::Separate => (image.into_color(&subject)?, None),
+        packing => {
+            let (color, codes) = unpack(image, packing, &subject)?;
+            (color, Some(codes))
+        }
+    };
+    let color = finish_color(color, spec, &subject, &mut warnings)?;
+
+    let rule = &spec.rule;
+    let from_codes = |codes: CodeImage| {
+        let quantisation = if codes.integer { rule.quantisation() } else { Quantisation::None };
+        (codes.size, rule.metres(&codes.codes, codes.size), quantisation)
+    };
+    let size = color.size;
+    let mut depth_subject = subject.clone();
+    let (depth_size, depth, quantisation) = match (&spec.depth, depth_path, packed) {
+        (DepthSource::Sphere(radius), ..) => (size, vec![*radius; color.texels.len()], Quantisation::None),
+        (DepthSource::Box { size: extent, center }, ..) => {
+            let depth = box_depth(size, *extent, *center - spec.position, f64::from(spec.yaw_degrees));
+            (size, depth, Quantisation::None)
+        }
+        (DepthSource::Files(_), Some(path), _) => {
+            depth_subject = path.display().to_string();
+            let codes = read::read(path)?.into_codes(&depth_subject)?;
+            check_aspect(codes.size, &depth_subject, &mut warnings);
+            from_codes(codes)
+        }
+        (_, _, Some(codes)) => from_codes(codes),
+        _ => return Err(Error::Internal("a panorama without a depth source".into())),
+    };
+    if depth.iter().all(|metres| *metres == 0.0) {
+        let problem = "every depth is a hole; the panorama is treated as infinitely far";
+        warnings.push(format!("{depth_subject}: {problem} (check encoding, scale, offset and invalid)"));
+    }
+    Ok(PanoramaFrame { color_size: size, radiance: color.texels, depth_size, depth, quantisation, warnings })
+}
+
+fn check_aspect(size: [u32; 2], subject: &str, warnings: &mut Vec<String>) {
+    let [width, height] = size.map(u64::from);
+    if width != 2 * height {
+        warnings.push(format!("{subject}: is {width}x{height}, but a full panorama is twice as wide as high"));
+    }
+}
+
+/// Mends bad texels, raises saturated ones, applies the exposure.
+fn finish_color(
+    mut color: ColorImage,
+    spec: &PanoramaSpec,
+    subject: &str,
+    warnings: &mut Vec<String>,
+) -> Result<ColorImage> {
+    check_aspect(color.size, subject, warnings);
+    let (mut mended, mut dead) = (0_usize, 0_usize);
+    for texel in &mut color.texels {
+        let mut rgb = [texel[0], texel[1], texel[2]];
+        let bad = rgb.iter().filter(|value| !value.is_finite() || **value < 0.0).count();
+        mended += usize::from(bad > 0);
+        dead += usize::from(rgb.iter().all(|value| !value.is_finite()));
+        for value in &mut rgb {
+            *value = if value.is_finite() { value.max(0.0) } else { 0.0 };
+        }
+        let mut radiance = Vec3::from(rgb);
+        if color.ldr {
+            radiance = tone::expand(radiance, spec.inverse_tonemap);
+        }
+        // The product must stay finite too.
+        let [r, g, b] = (radiance * spec.exposure).min(Vec3::splat(f32::MAX)).to_array();
+        *texel = [r, g, b, 1.0];
+    }
+    if dead == color.texels.len() {
+        return Err(Error::input(subject, "holds no finite pixel", "write the image again"));
+    }
+    if mended > 0 {
+        warnings
+            .push(format!("{subject}: {mended} texels with NaN, infinite or negative radiance were set to 0 there"));
+    }
+    Ok(color)
+}
+
+/// Splits an image that holds colour and depth.
+fn unpack(image: Image, packing: Packing, subject: &str) -> Result<(ColorImage, CodeImage)> {
+    let too_small = |size: [u32; 2]| {
+        let problem = format!("is {}x{}, too small to hold colour and depth", size[0], size[1]);
+        Error::input(subject, problem, "check packing")
+    };
+    let halves = |size: [u32; 2]| -> Result<[Crop; 2]> {
+        let [width, height] = size;
+        let (half, from) = match packing {
+            Packing::LeftRight => ([width / 2, height], [width - width / 2, 0]),
+            _ => ([width, height / 2], [0, height - height / 2]),
+        };
+        if half.contains(&0) {
+            return Err(too_small(size));
+        }
+        let crop = |from| Crop { whole: size, from, size: half };
+        Ok([crop([0, 0]), crop(from)])
+    };
+    let crop_image = |image: &Image, which: usize| -> Result<Image> {
+        Ok(match image {
+            Image::Raster(raster) => {
+                let crop = halves(raster.size)?[which];
+                let samples = match &raster.samples {
+                    Samples::U8(values) => Samples::U8(crop.apply(values, raster.channels)),
+                    Samples::U16(values) => Samples::U16(crop.apply(values, raster.channels)),
+                    Samples::F32(values) => Samples::F32(crop.apply(values, raster.channels)),
+                };
+                // A packed PNG came from a video more often than not, so slightly coloured greys are expected.
+                Image::Raster(Raster { size: crop.size, channels: raster.channels, samples, lossy: true })
+            }
+            Image::Exr(layers) => {
+                let mut layers = layers.clone();
+                for layer in &mut layers {
+                    let crop = halves(layer.size)?[which];
+                    layer.size = crop.size;
+                    for (_, values) in &mut layer.channels {
+                        *values = crop.apply(values, 1);
+                    }
+                }
+                Image::Exr(layers)
+            }
+        })
+    };
+    Ok((crop_image(&image, 0)?.into_color(subject)?, crop_image(&image, 1)?.into_codes(subject)?))
+}
+
+#[derive(Clone, Copy)]
+struct Crop {
+    whole: [u32; 2],
+    from: [u32; 2],
+    size: [u32; 2],
+}
+
+impl Crop {
+    fn apply<T: Copy>(&self, values: &[T], channels: usize) -> Vec<T> {
+        let row = |y: u32| {
+            let start = (y as usize * self.whole[0] as usize + self.from[0] as usize) * channels;
+            &values[start..start + self.size[0] as usize * channels]
+        };
+        (self.from[1]..self.from[1] + self.size[1]).flat_map(row).copied().collect()
+    }
+}

@@ -1,0 +1,36 @@
+//! `light_table`, per video frame: the panorama's lamps and windows as something to draw directions from.
+
+use super::{panorama::Panorama, resources::{Kernel, Resources}};
+use crate::{Result, gpu::{Access, Frame, Gpu, Threads}, shaders};
+
+/// Columns and rows of the table's cells, as `LIGHT_CELLS` in `light.glsl`.
+pub const CELLS: [u32; 2] = [256, 128];
+
+/// Bytes of the table: header, row sums, cumulative cells, cells.
+pub const BYTES: u64 = 4 * (2 + CELLS[1] as u64 + 2 * CELLS[0] as u64 * CELLS[1] as u64);
+
+/// See the module.
+pub struct LightTable {
+    cells: Kernel,
+    sums: Kernel,
+}
+
+impl LightTable {
+    /// Builds the pipelines.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        const WRITE: &[(&str, Access)] = &[("in_view", Access::Read), ("panorama_radiance", Access::Read), ("lights", Access::ReadWrite)];
+        const SUMS: &[(&str, Access)] = &[("lights", Access::ReadWrite)];
+        Ok(Self {
+            cells: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_CELLS, WRITE, &[], &[])?,
+            sums: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_TABLE, SUMS, &[], &[])?,
+        })
+    }
+
+    /// Records both dispatches.
+    pub fn record(&self, frame: &mut Frame, panorama: &Panorama, view: &Resources) -> Result<()> {
+        let pools = [&panorama.resources, view];
+        self.cells.dispatch(frame, &[], &pools, &(), Threads::Size([CELLS[0], CELLS[1], 1]))?;
+        frame.barrier("light_table sums its cells");
+        self.sums.dispatch(frame, &[], &pools, &(), Threads::Size([CELLS[1], 1, 1]))
+    }
+}

@@ -1,0 +1,153 @@
+//! glTF animation clips of rigid nodes.
+
+use super::{animation::Transform, model::Local};
+use glam::{Quat, Vec4};
+
+/// How a channel's keys are joined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Join {
+    Linear,
+    Step,
+    /// Each key is (in-tangent, value, out-tangent).
+    CubicSpline,
+}
+
+/// What a channel moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Property {
+    Translation,
+    /// Quaternions (x, y, z, w).
+    Rotation,
+    Scale,
+}
+
+/// One moved property of one node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Channel {
+    /// Index into the model's nodes.
+    pub node: usize,
+    pub property: Property,
+    pub join: Join,
+    /// Seconds, increasing, at least one.
+    pub times: Vec<f32>,
+    /// One per time, three per time for [`Join::CubicSpline`]; `w` is unused but for rotations.
+    pub values: Vec<Vec4>,
+}
+
+/// A named set of channels, played in a loop.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Clip {
+    pub name: String,
+    pub channels: Vec<Channel>,
+}
+
+impl Clip {
+    /// Seconds from 0 to the last key.
+    pub fn duration(&self) -> f32 {
+        self.channels.iter().filter_map(|channel| channel.times.last()).fold(0.0, |a, b| a.max(*b))
+    }
+
+    /// Sets the locals that the clip moves; the clip repeats.
+    pub fn apply(&self, time: f64, locals: &mut [Local]) {
+        let duration = f64::from(self.duration());
+        let time = if duration > 0.0 { time.rem_euclid(duration) } else { 0.0 } as f32;
+        for channel in &self.channels {
+            // An animated node has no matrix (glTF forbids it); one that does is moved from the origin.
+            let mut transform = match locals[channel.node] {
+                Local::Transform(transform) => transform,
+                Local::Matrix(_) => Transform::IDENTITY,
+            };
+            let value = channel.at(time);
+            match channel.property {
+                Property::Translation => transform.translation = value.truncate(),
+                Property::Rotation => transform.rotation = unit(value),
+                Property::Scale => transform.scale = value.truncate(),
+            }
+            locals[channel.node] = Local::Transform(transform);
+        }
+    }
+}
+
+impl Channel {
+    /// The value at `time` seconds, held outside the keys.
+    fn at(&self, time: f32) -> Vec4 {
+        let after = self.times.partition_point(|key| *key <= time);
+        let per_key = if self.join == Join::CubicSpline { 3 } else { 1 };
+        let value = |key: usize| self.values[key * per_key + per_key / 2];
+        if after == 0 || after == self.times.len() {
+            return value(after.saturating_sub(1));
+        }
+        let before = after - 1;
+        let span = self.times[after] - self.times[before];
+        let t = (time - self.times[before]) / span;
+        match self.join {
+            Join::Step => value(before),
+            Join::Linear if self.property == Property::Rotation => {
+                Vec4::from(unit(value(before)).slerp(unit(value(after)), t))
+            }
+            Join::Linear => value(before).lerp(value(after), t),
+            Join::CubicSpline => {
+                let (out_tangent, in_tangent) = (self.values[before * 3 + 2] * span, self.values[after * 3] * span);
+                let (t2, t3) = (t * t, t * t * t);
+                value(before) * (2.0 * t3 - 3.0 * t2 + 1.0)
+                    + out_tangent * (t3 - 2.0 * t2 + t)
+                    + value(after) * (3.0 * t2 - 2.0 * t3)
+                    + in_tangent * (t3 - t2)
+            }
+        }
+    }
+}
+
+fn unit(value: Vec4) -> Quat {
+    let quat = Quat::from_vec4(value);
+    if quat.length_squared() > 1e-12 { quat.normalize() } else { Quat::IDENTITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channel(join: Join, property: Property, values: &[Vec4]) -> Channel {
+        Channel { node: 0, property, join, times: vec![1.0, 3.0], values: values.to_vec() }
+    }
+
+    #[test]
+    fn steps_and_lines() {
+        let values = [Vec4::splat(1.0), Vec4::splat(5.0)];
+        let step = channel(Join::Step, Property::Scale, &values);
+        assert_eq!([step.at(0.0), step.at(2.9), step.at(3.0)].map(|v| v.x), [1.0, 1.0, 5.0]);
+        let line = channel(Join::Linear, Property::Scale, &values);
+        assert_eq!([line.at(0.0), line.at(2.0), line.at(9.0)].map(|v| v.x), [1.0, 3.0, 5.0]);
+    }
+
+    #[test]
+    fn cubic_splines_have_their_tangents() {
+        let zero = Vec4::ZERO;
+        // A straight line of slope 2 from (1, 1) to (3, 5), written as a spline.
+        let values = [zero, Vec4::splat(1.0), Vec4::splat(2.0), Vec4::splat(2.0), Vec4::splat(5.0), zero];
+        let spline = channel(Join::CubicSpline, Property::Translation, &values);
+        for (time, expected) in [(1.0, 1.0), (1.5, 2.0), (2.0, 3.0), (2.5, 4.0), (3.0, 5.0)] {
+            assert!((spline.at(time).y - expected).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn clips_repeat_and_rotations_slerp() {
+        let quarter = Vec4::from(Quat::from_rotation_y(1.0));
+        let clip = Clip {
+            name: "turn".into(),
+            channels: vec![Channel {
+                node: 0,
+                property: Property::Rotation,
+                join: Join::Linear,
+                times: vec![0.0, 2.0],
+                values: vec![Vec4::W, quarter],
+            }],
+        };
+        let mut locals = [Local::Transform(Transform::IDENTITY)];
+        clip.apply(2.5, &mut locals);
+        let Local::Transform(transform) = locals[0] else { panic!("a transform stays one") };
+        assert!(transform.rotation.angle_between(Quat::from_rotation_y(0.25)) < 1e-3);
+        assert_eq!(transform.translation, glam::Vec3::ZERO);
+    }
+}

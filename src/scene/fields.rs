@@ -1,0 +1,303 @@
+//! Reading a TOML table strictly: every key is asked for by name and type, and all that is wrong is collected, so that
+//! one look at a file reports everything.
+
+use crate::Error;
+use std::{
+    cell::RefCell,
+    path::{Path, PathBuf},
+};
+use toml::{Table, Value};
+
+/// The problems found so far in one file.
+pub struct Report {
+    file: PathBuf,
+    problems: RefCell<Vec<Error>>,
+}
+
+impl Report {
+    /// An empty report about `file`.
+    pub fn new(file: &Path) -> Self {
+        Self { file: file.to_path_buf(), problems: RefCell::default() }
+    }
+
+    /// Adds a problem of the field `field` (dotted path).
+    pub fn add(&self, field: &str, problem: impl ToString, remedy: impl ToString) {
+        let subject = format!("{}: {field}", self.file.display());
+        self.problems.borrow_mut().push(Error::input(subject, problem, remedy));
+    }
+
+    /// The folder of the file, which paths in it are relative to.
+    pub fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new(""))
+    }
+
+    /// All problems, in the order found.
+    pub fn into_problems(self) -> Vec<Error> {
+        self.problems.into_inner()
+    }
+}
+
+/// One table of the file, with its dotted name.
+pub struct Fields<'a> {
+    report: &'a Report,
+    name: String,
+    table: &'a Table,
+}
+
+impl<'a> Fields<'a> {
+    /// The table called `name` (empty: the whole file). Keys that are not among `known` are reported with the nearest
+    /// known one.
+    pub fn new(report: &'a Report, name: &str, table: &'a Table, known: &[&str]) -> Self {
+        let fields = Self { report, name: name.to_owned(), table };
+        for key in table.keys().filter(|key| !known.contains(&key.as_str())) {
+            fields.complain(key, "unknown key", nearest(key, known));
+        }
+        fields
+    }
+
+    /// The dotted path of `key`.
+    pub fn path(&self, key: &str) -> String {
+        if self.name.is_empty() { key.to_owned() } else { format!("{}.{key}", self.name) }
+    }
+
+    /// The file and the dotted path of `key`, as errors and warnings name it.
+    pub fn subject(&self, key: &str) -> String {
+        format!("{}: {}", self.report.file.display(), self.path(key))
+    }
+
+    /// Reports a problem of `key`.
+    pub fn complain(&self, key: &str, problem: impl ToString, remedy: impl ToString) {
+        self.report.add(&self.path(key), problem, remedy);
+    }
+
+    /// The raw value.
+    pub fn value(&self, key: &str) -> Option<&'a Value> {
+        self.table.get(key)
+    }
+
+    /// Is the key there?
+    pub fn has(&self, key: &str) -> bool {
+        self.table.contains_key(key)
+    }
+
+    fn wrong_type(&self, key: &str, expected: &str, found: &Value, example: &str) {
+        self.complain(key, format!("expected {expected}, found {}", kind(found)), format!("write {key} = {example}"));
+    }
+
+    /// A finite number, integer or float.
+    pub fn number(&self, key: &str) -> Option<f64> {
+        let value = self.value(key)?;
+        let number = as_number(value);
+        if number.is_none() {
+            self.wrong_type(key, "a finite number", value, "1.0");
+        }
+        number
+    }
+
+    /// A finite number for which `accept` holds; `range` says in words what is accepted.
+    pub fn number_in(&self, key: &str, range: &str, accept: impl Fn(f64) -> bool) -> Option<f64> {
+        let number = self.number(key)?;
+        if !accept(number) {
+            self.complain(key, format!("{number} is out of range"), format!("give a number {range}"));
+            return None;
+        }
+        Some(number)
+    }
+
+    /// A string.
+    pub fn string(&self, key: &str) -> Option<&'a str> {
+        let value = self.value(key)?;
+        if value.as_str().is_none() {
+            self.wrong_type(key, "a string", value, "\"…\"");
+        }
+        value.as_str()
+    }
+
+    /// One of a few words, as its index in `words`.
+    pub fn word(&self, key: &str, words: &[&str]) -> Option<usize> {
+        let given = self.string(key)?;
+        let found = words.iter().position(|word| *word == given);
+        if found.is_none() {
+            self.complain(key, format!("\"{given}\" is not known"), nearest(given, words));
+        }
+        found
+    }
+
+    /// An array of `N` finite numbers.
+    pub fn vector<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
+        let value = self.value(key)?;
+        let numbers = as_numbers(value).and_then(|numbers| numbers.try_into().ok());
+        if numbers.is_none() {
+            let example = format!("[{}]", ["0"; N].join(", "));
+            self.wrong_type(key, &format!("an array of {N} finite numbers"), value, &example);
+        }
+        numbers
+    }
+
+    /// An array of any number of finite numbers.
+    pub fn numbers(&self, key: &str) -> Option<Vec<f64>> {
+        let value = self.value(key)?;
+        let numbers = as_numbers(value);
+        if numbers.is_none() {
+            self.wrong_type(key, "an array of finite numbers", value, "[0]");
+        }
+        numbers
+    }
+
+    /// An array of integers, each ≥ 0 and below 2³².
+    pub fn integers(&self, key: &str) -> Option<Vec<u32>> {
+        let value = self.value(key)?;
+        let integers = value.as_array().and_then(|items| {
+            items.iter().map(|item| item.as_integer().and_then(|i| u32::try_from(i).ok())).collect::<Option<Vec<_>>>()
+        });
+        if integers.is_none() {
+            self.wrong_type(key, "an array of whole numbers", value, "[0, 1]");
+        }
+        integers
+    }
+
+    /// A file path: `$NAME` and `${NAME}` come from the environment; relative to the file's folder.
+    pub fn file_path(&self, key: &str) -> Option<PathBuf> {
+        let text = self.string(key)?;
+        if text.is_empty() {
+            self.complain(key, "an empty path", "name a file");
+            return None;
+        }
+        match expand(text, |name| std::env::var(name).ok()) {
+            Ok(path) => Some(self.report.folder().join(path)),
+            Err(name) => {
+                self.complain(
+                    key,
+                    format!("\"{text}\" uses the environment variable {name}, which is not set"),
+                    format!("set it, as in: export {name}=…"),
+                );
+                None
+            }
+        }
+    }
+
+    /// The table `key`, if there.
+    pub fn table(&self, key: &str, known: &[&str]) -> Option<Fields<'a>> {
+        match self.value(key)? {
+            Value::Table(table) => Some(Fields::new(self.report, &self.path(key), table, known)),
+            other => {
+                self.complain(key, format!("expected a table, found {}", kind(other)), format!("write [{key}]"));
+                None
+            }
+        }
+    }
+
+    /// The array of tables `key`; empty where absent. Entries are named `key[0]`, `key[1]` …
+    pub fn tables(&self, key: &str, known: &[&str]) -> Vec<Fields<'a>> {
+        let entries = match self.value(key) {
+            None => return Vec::new(),
+            Some(Value::Array(entries)) => entries,
+            Some(other) => {
+                let remedy = format!("write [[{key}]], once for each");
+                self.complain(key, format!("expected an array of tables, found {}", kind(other)), remedy);
+                return Vec::new();
+            }
+        };
+        let mut tables = Vec::new();
+        for (index, entry) in entries.iter().enumerate() {
+            let name = format!("{key}[{index}]");
+            match entry {
+                Value::Table(table) => tables.push(Fields::new(self.report, &self.path(&name), table, known)),
+                other => self.complain(&name, format!("expected a table, found {}", kind(other)), "write { … }"),
+            }
+        }
+        tables
+    }
+}
+
+/// "did you mean …", or all known words where none is near.
+pub fn nearest(given: &str, known: &[&str]) -> String {
+    let near = known
+        .iter()
+        .map(|word| (strsim::damerau_levenshtein(&given.to_lowercase(), word), *word))
+        .min()
+        .filter(|(distance, word)| *distance <= (word.len().max(given.len()) / 2).max(1));
+    match near {
+        Some((_, word)) => format!("did you mean `{word}`?"),
+        None => format!("known here: {}", known.join(", ")),
+    }
+}
+
+fn kind(value: &Value) -> String {
+    match value {
+        Value::String(_) => "a string".into(),
+        Value::Integer(_) => "an integer".into(),
+        Value::Float(number) if number.is_finite() => "a number".into(),
+        Value::Float(number) => number.to_string(),
+        Value::Boolean(_) => "a boolean".into(),
+        Value::Datetime(_) => "a date".into(),
+        Value::Array(items) => format!("an array of {}", items.len()),
+        Value::Table(_) => "a table".into(),
+    }
+}
+
+/// A finite number, integer or float.
+pub fn as_number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Integer(integer) => Some(*integer as f64),
+        Value::Float(float) if float.is_finite() => Some(*float),
+        _ => None,
+    }
+}
+
+fn as_numbers(value: &Value) -> Option<Vec<f64>> {
+    value.as_array()?.iter().map(as_number).collect()
+}
+
+/// Replaces `$NAME` and `${NAME}` (`$$` is a dollar sign).
+///
+/// # Errors
+/// The name that `lookup` does not know.
+pub fn expand(text: &str, lookup: impl Fn(&str) -> Option<String>) -> Result<String, String> {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find('$') {
+        out += &rest[..at];
+        rest = &rest[at + 1..];
+        if let Some(after) = rest.strip_prefix('$') {
+            out.push('$');
+            rest = after;
+            continue;
+        }
+        let (name, after) = match rest.strip_prefix('{').and_then(|inner| inner.split_once('}')) {
+            Some((name, after)) => (name, after),
+            None => {
+                let end = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
+                rest.split_at(end)
+            }
+        };
+        if name.is_empty() {
+            out.push('$');
+        } else {
+            out += &lookup(name).ok_or_else(|| name.to_owned())?;
+        }
+        rest = after;
+    }
+    out += rest;
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn environment_names_are_expanded() {
+        let lookup = |name: &str| (name == "A_1").then(|| "x".to_owned());
+        assert_eq!(expand("$A_1/b", lookup), Ok("x/b".into()));
+        assert_eq!(expand("${A_1}b/$$", lookup), Ok("xb/$".into()));
+        assert_eq!(expand("c/$", lookup), Ok("c/$".into()));
+        assert_eq!(expand("$B/b", lookup), Err("B".into()));
+    }
+
+    #[test]
+    fn the_nearest_word_is_named() {
+        assert_eq!(nearest("colour", &["color", "depth"]), "did you mean `color`?");
+        assert_eq!(nearest("zzzzzz", &["color", "depth"]), "known here: color, depth");
+    }
+}

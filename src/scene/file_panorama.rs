@@ -1,0 +1,154 @@
+//! `[panorama]` of a scene file.
+//!
+//! `frames` without a `%d` pattern has no effect; a pattern without `frames` takes every file that fits it, in order.
+
+use super::{fields::Fields, file::vec3};
+use crate::{
+    image_file::read,
+    panorama::{
+        depth::{Encoding, Rule},
+        source::{DepthSource, FrameRange, Packing, PanoramaSpec},
+    },
+};
+use glam::Vec3;
+use toml::Value;
+
+/// The keys of `[panorama]`.
+pub(super) const KEYS: &[&str] = &[
+    "color",
+    "depth",
+    "packing",
+    "frames",
+    "fps",
+    "encoding",
+    "scale",
+    "offset",
+    "invalid",
+    "position",
+    "yaw",
+    "exposure",
+    "inverse_tonemap",
+];
+
+/// Frames that a sequence may have.
+const MAX_FRAMES: u32 = 1_000_000;
+
+/// Reads the table; problems are reported through `fields`.
+pub(super) fn read_panorama(fields: &Fields, warnings: &mut Vec<String>) -> Option<PanoramaSpec> {
+    if !fields.has("color") {
+        fields.complain("color", "is missing", "name the panorama's image");
+    }
+    let color = fields.file_path("color");
+    if let Some(path) = &color {
+        refuse_video(fields, "color", path);
+    }
+    let packing = match fields.word("packing", &["separate", "top-bottom", "left-right"]) {
+        Some(1) => Packing::TopBottom,
+        Some(2) => Packing::LeftRight,
+        _ => Packing::Separate,
+    };
+    let position = fields.vector("position").map_or(Vec3::ZERO, vec3);
+    let depth = read_depth(fields, packing, position);
+    let frames = read_frames(fields);
+    let patterned = |path: &std::path::Path| path.to_string_lossy().replace("%%", "").contains('%');
+    let any_pattern =
+        color.as_deref().is_some_and(patterned) || matches!(&depth, Some(DepthSource::Files(path)) if patterned(path));
+    if frames.is_some() && color.is_some() && !any_pattern {
+        warnings.push(format!("{}: has no effect, as color is no %d pattern", fields.subject("frames")));
+    }
+    let encoding = match fields.word("encoding", &["radial", "disparity", "planar"]) {
+        Some(1) => Encoding::Disparity,
+        Some(2) => Encoding::Planar,
+        _ => Encoding::Radial,
+    };
+    let positive = |key: &str| fields.number_in(key, "above 0", |v| v > 0.0);
+    let rule = Rule {
+        encoding,
+        scale: fields.number_in("scale", "other than 0", |v| v != 0.0).unwrap_or(1.0),
+        offset: fields.number("offset").unwrap_or(0.0),
+        invalid: fields.numbers("invalid").unwrap_or_else(|| vec![0.0]),
+    };
+    let inverse_tonemap = fields.number_in("inverse_tonemap", "from 1 to 1e6", |v| (1.0..=1e6).contains(&v));
+    Some(PanoramaSpec {
+        color: color?,
+        depth: depth?,
+        packing,
+        frames,
+        fps: positive("fps").unwrap_or(30.0),
+        rule,
+        position,
+        yaw_degrees: fields.number("yaw").unwrap_or(0.0) as f32,
+        exposure: positive("exposure").unwrap_or(1.0) as f32,
+        inverse_tonemap: inverse_tonemap.unwrap_or(1.0) as f32,
+    })
+}
+
+fn refuse_video(fields: &Fields, key: &str, path: &std::path::Path) {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if ["mp4", "mov", "m4v", "mkv", "webm", "avi", "ts", "mpg", "mpeg", "gif"].contains(&extension.as_str())
+        && let crate::Error::Input { problem, remedy, .. } = read::video_refusal("")
+    {
+        fields.complain(key, problem, remedy);
+    }
+}
+
+fn read_depth(fields: &Fields, packing: Packing, position: Vec3) -> Option<DepthSource> {
+    if packing != Packing::Separate {
+        if fields.has("depth") {
+            fields.complain("depth", "the colour image already holds the depth", "leave depth out, or packing");
+        }
+        return Some(DepthSource::Packed);
+    }
+    match fields.value("depth") {
+        None => {
+            fields.complain("depth", "is missing", "name the depth image, or give a radius or a box");
+            None
+        }
+        Some(Value::String(_)) => {
+            let path = fields.file_path("depth")?;
+            refuse_video(fields, "depth", &path);
+            Some(DepthSource::Files(path))
+        }
+        Some(Value::Integer(_) | Value::Float(_)) => {
+            let radius = fields.number_in("depth", "above 0 (metres)", |v| v > 0.0 && v < 1e9)?;
+            Some(DepthSource::Sphere(radius as f32))
+        }
+        Some(Value::Table(_)) => {
+            let table = fields.table("depth", &["box", "center"])?;
+            if !table.has("box") {
+                table.complain("box", "is missing", "give the box's full extents in metres");
+            }
+            let size = vec3(table.vector("box")?);
+            let center = table.vector("center").map_or(position, vec3);
+            if size.min_element() <= 0.0 {
+                table.complain("box", "is not positive", "give the box's full extents in metres");
+            } else if ((position - center).abs() - 0.5 * size).max_element() >= 0.0 {
+                table.complain("box", "the capture point lies outside the box", "check box, center and position");
+            }
+            Some(DepthSource::Box { size, center })
+        }
+        Some(_) => {
+            let remedy = "give a file, a radius in metres, or { box = [x, y, z], center = [x, y, z] }";
+            fields.complain("depth", "is neither file, number nor box", remedy);
+            None
+        }
+    }
+}
+
+fn read_frames(fields: &Fields) -> Option<FrameRange> {
+    let range = match fields.integers("frames")?[..] {
+        [first, last] => FrameRange { first, last, step: 1 },
+        [first, last, step] => FrameRange { first, last, step },
+        _ => FrameRange { first: 1, last: 0, step: 1 },
+    };
+    let remedy = "write [first, last] or [first, last, step], last included";
+    if range.first > range.last || range.step == 0 {
+        fields.complain("frames", "is no range", remedy);
+        return None;
+    }
+    if (range.last - range.first) / range.step >= MAX_FRAMES {
+        fields.complain("frames", format!("has more than {MAX_FRAMES} frames"), "give a shorter range");
+        return None;
+    }
+    Some(range)
+}

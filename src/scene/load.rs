@@ -1,0 +1,164 @@
+//! From a scene file to a scene.
+
+use super::{
+    fields::nearest,
+    file::{self, ObjectSource, ObjectSpec, SceneFile},
+    gltf,
+    material::Material,
+    model::Model,
+    state::{Object, Scene},
+};
+use crate::{Error, Result, panorama::source::PanoramaSource};
+use glam::Vec3;
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+impl Scene {
+    /// Loads a scene file and the objects it names. Panorama frames are found but not read.
+    ///
+    /// # Errors
+    /// The first problem; [`Scene::problems`] finds all.
+    pub fn load(path: &Path) -> Result<Self> {
+        let file = file::read_scene_file(path).map_err(first)?;
+        let mut loader = Loader::new(path);
+        let objects = file.objects.iter().map(|object| loader.object(object)).collect::<Result<Vec<_>>>()?;
+        if let Some(room) = &file.room
+            && !room.is_file()
+        {
+            return Err(missing(path, "room.gltf", room));
+        }
+        let panorama = PanoramaSource::open(file.panorama.clone())?;
+        assemble(file, panorama, objects, loader.warnings)
+    }
+
+    /// Reads everything that a scene file names and reports every problem and every warning.
+    pub fn problems(path: &Path) -> (Vec<Error>, Vec<String>) {
+        let file = match file::read_scene_file(path) {
+            Ok(file) => file,
+            Err(problems) => return (problems, Vec::new()),
+        };
+        let (mut problems, mut warnings) = (Vec::new(), Vec::new());
+        let mut loader = Loader::new(path);
+        let mut objects = Vec::new();
+        for object in &file.objects {
+            match loader.object(object) {
+                Ok(object) => objects.push(object),
+                Err(problem) => problems.push(problem),
+            }
+        }
+        if let Some(room) = &file.room {
+            let loaded = if room.is_file() { gltf::load(room) } else { Err(missing(path, "room.gltf", room)) };
+            match loaded {
+                Ok((_, room_warnings)) => warnings.extend(room_warnings),
+                Err(problem) => problems.push(problem),
+            }
+        }
+        match PanoramaSource::open(file.panorama.clone()) {
+            Ok(panorama) => {
+                for index in 0..panorama.frame_count() {
+                    match panorama.load(index) {
+                        Ok(frame) => warnings.extend(frame.warnings),
+                        Err(problem) => problems.push(problem),
+                    }
+                }
+                match assemble(file, panorama, objects, loader.warnings) {
+                    Ok(scene) => warnings.extend(scene.warnings),
+                    Err(problem) => problems.push(problem),
+                }
+            }
+            Err(problem) => {
+                problems.push(problem);
+                warnings.extend(loader.warnings);
+            }
+        }
+        let mut seen = std::collections::HashSet::new();
+        problems.retain(|problem| seen.insert(problem.to_string()));
+        warnings.retain(|warning| seen.insert(warning.clone()));
+        (problems, warnings)
+    }
+}
+
+fn first(problems: Vec<Error>) -> Error {
+    problems.into_iter().next().unwrap_or_else(|| Error::Internal("a refused scene file without a problem".into()))
+}
+
+fn missing(scene: &Path, field: &str, file: &Path) -> Error {
+    let problem = format!("{}: there is no such file", file.display());
+    Error::input(format!("{}: {field}", scene.display()), problem, "check the name")
+}
+
+fn assemble(
+    file: SceneFile,
+    panorama: PanoramaSource,
+    objects: Vec<Object>,
+    loaded_warnings: Vec<String>,
+) -> Result<Scene> {
+    let mut scene = Scene::assemble(&file.name, panorama, file.camera, objects, file.render)?;
+    let mut warnings = file.warnings;
+    warnings.extend(loaded_warnings);
+    warnings.append(&mut scene.warnings);
+    let mut seen = std::collections::HashSet::new();
+    warnings.retain(|warning| seen.insert(warning.clone()));
+    (scene.room, scene.warnings) = (file.room, warnings);
+    Ok(scene)
+}
+
+/// Loads each glTF file once.
+struct Loader<'a> {
+    scene: &'a Path,
+    models: HashMap<PathBuf, Arc<Model>>,
+    warnings: Vec<String>,
+}
+
+impl<'a> Loader<'a> {
+    fn new(scene: &'a Path) -> Self {
+        Self { scene, models: HashMap::new(), warnings: Vec::new() }
+    }
+
+    fn object(&mut self, spec: &ObjectSpec) -> Result<Object> {
+        let mut model = match &spec.source {
+            ObjectSource::Gltf(path) if !path.exists() => {
+                return Err(missing(self.scene, &format!("object {}: gltf", spec.name), path));
+            }
+            ObjectSource::Gltf(path) => self.gltf(path)?,
+            ObjectSource::Shape(shape, size) => {
+                // Neither glTF's white metal nor a light source: grey plastic.
+                let material = Material::plain(&spec.name, Vec3::splat(0.8), 0.5);
+                Arc::new(Model { name: spec.name.clone(), ..Model::from_mesh(shape.mesh(*size), material) })
+            }
+        };
+        if let Some(change) = &spec.material {
+            let mut changed = (*model).clone();
+            change.apply(&mut changed.materials, &mut changed.textures);
+            model = Arc::new(changed);
+        }
+        let clips = &model.rig.clips;
+        let clip = match spec.clip.as_deref() {
+            Some("none") => None,
+            None => (!clips.is_empty()).then_some(0),
+            Some(name) => Some(clips.iter().position(|clip| clip.name == name).ok_or_else(|| {
+                let names: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
+                let remedy =
+                    if names.is_empty() { "leave clip out: the file has none".into() } else { nearest(name, &names) };
+                let subject = format!("{}: object {}: clip", self.scene.display(), spec.name);
+                Error::input(subject, format!("there is no clip \"{name}\""), remedy)
+            })?),
+        };
+        let (name, placement) = (spec.name.clone(), spec.placement.clone());
+        Ok(Object { name, model, placement, clip, speed: spec.speed })
+    }
+
+    fn gltf(&mut self, path: &Path) -> Result<Arc<Model>> {
+        if let Some(model) = self.models.get(path) {
+            return Ok(model.clone());
+        }
+        let (model, warnings) = gltf::load(path)?;
+        self.warnings.extend(warnings);
+        let model = Arc::new(model);
+        self.models.insert(path.to_path_buf(), model.clone());
+        Ok(model)
+    }
+}

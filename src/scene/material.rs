@@ -1,0 +1,181 @@
+//! Materials and textures as they are loaded or made, before packing for the GPU.
+
+use super::packed;
+use glam::Vec3;
+
+/// glTF 2.0 metallic–roughness. Factors are linear; texture fields are indices into the model's textures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    pub name: String,
+    /// 0..1, Rec. 709.
+    pub base_color: Vec3,
+    /// 0..1.
+    pub metallic: f32,
+    /// 0..1, perceptual: α = roughness².
+    pub roughness: f32,
+    /// Emitted radiance.
+    pub emissive: Vec3,
+    /// KHR_materials_specular: 0 is pure Lambert.
+    pub specular: f32,
+    /// KHR_materials_specular: tint of the dielectric F0.
+    pub specular_color: Vec3,
+    /// Of the dielectric; 1.5 is F0 = 0.04.
+    pub ior: f32,
+    /// Scale of the normal map's x and y.
+    pub normal_scale: f32,
+    /// Seen from both sides.
+    pub double_sided: bool,
+    /// RGB, sRGB-encoded.
+    pub base_color_texture: Option<usize>,
+    /// G roughness, B metallic, linear.
+    pub metallic_roughness_texture: Option<usize>,
+    pub normal_texture: Option<usize>,
+    /// RGB, sRGB-encoded.
+    pub emissive_texture: Option<usize>,
+    /// A, linear.
+    pub specular_texture: Option<usize>,
+    /// RGB, sRGB-encoded.
+    pub specular_color_texture: Option<usize>,
+}
+
+impl Default for Material {
+    /// glTF's defaults: white, metallic 1, roughness 1.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            base_color: Vec3::ONE,
+            metallic: 1.0,
+            roughness: 1.0,
+            emissive: Vec3::ZERO,
+            specular: 1.0,
+            specular_color: Vec3::ONE,
+            ior: 1.5,
+            normal_scale: 1.0,
+            double_sided: false,
+            base_color_texture: None,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            emissive_texture: None,
+            specular_texture: None,
+            specular_color_texture: None,
+        }
+    }
+}
+
+impl Material {
+    /// A dielectric of one colour.
+    pub fn plain(name: &str, base_color: Vec3, roughness: f32) -> Self {
+        Self { name: name.to_owned(), base_color, metallic: 0.0, roughness, ..Self::default() }
+    }
+
+    /// As the shaders read it; texture `i` of the model is texture `first_texture + i` of the scene.
+    pub fn pack(&self, first_texture: u32) -> packed::Material {
+        let texture = |index: Option<usize>| index.map_or(packed::NONE, |index| first_texture + index as u32);
+        packed::Material {
+            base_color: self.base_color,
+            metallic: self.metallic,
+            emissive: self.emissive,
+            roughness: self.roughness,
+            specular_color: self.specular_color,
+            specular: self.specular,
+            ior: self.ior,
+            normal_scale: self.normal_scale,
+            flags: u32::from(self.double_sided),
+            base_color_texture: texture(self.base_color_texture),
+            metallic_roughness_texture: texture(self.metallic_roughness_texture),
+            normal_texture: texture(self.normal_texture),
+            emissive_texture: texture(self.emissive_texture),
+            specular_texture: texture(self.specular_texture),
+            specular_color_texture: texture(self.specular_color_texture),
+        }
+    }
+}
+
+/// What a scene file may set on top of an object's own materials; each value given replaces the factor and the texture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MaterialOverride {
+    pub base_color: Option<Vec3>,
+    pub metallic: Option<f32>,
+    pub roughness: Option<f32>,
+    pub specular: Option<f32>,
+    pub ior: Option<f32>,
+    pub emissive: Option<Vec3>,
+}
+
+impl MaterialOverride {
+    /// Changes every material of a model.
+    pub fn apply(&self, materials: &mut [Material], textures: &mut Vec<Texture>) {
+        for material in materials {
+            if let Some(color) = self.base_color {
+                material.base_color = color;
+                material.base_color_texture = None;
+            }
+            if self.metallic.is_some() && self.roughness.is_some() {
+                material.metallic_roughness_texture = None;
+            } else if let Some(texture) = material.metallic_roughness_texture {
+                // The other channel stays: a copy of the texture in which this one is 1.
+                for (given, channel) in [(self.roughness, 1), (self.metallic, 2)] {
+                    if given.is_some() {
+                        let copy = textures[texture].with_channel_at_one(channel);
+                        textures.push(copy);
+                        material.metallic_roughness_texture = Some(textures.len() - 1);
+                    }
+                }
+            }
+            material.metallic = self.metallic.unwrap_or(material.metallic);
+            material.roughness = self.roughness.unwrap_or(material.roughness);
+            if let Some(specular) = self.specular {
+                material.specular = specular;
+                material.specular_texture = None;
+            }
+            material.ior = self.ior.unwrap_or(material.ior);
+            if let Some(emissive) = self.emissive {
+                material.emissive = emissive;
+                material.emissive_texture = None;
+            }
+        }
+    }
+}
+
+/// What a texture's texels mean, and so how they are averaged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// sRGB-encoded colour.
+    Srgb,
+    /// Plain numbers.
+    Linear,
+    /// Tangent-space unit vectors, v = 2c − 1.
+    Normal,
+}
+
+/// What lies outside 0..1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    Repeat,
+    MirroredRepeat,
+    ClampToEdge,
+}
+
+/// An RGBA8 image, row 0 on top (v = 0).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    pub name: String,
+    /// Width and height in texels, both ≥ 1.
+    pub size: [u32; 2],
+    /// `size[0] · size[1]` texels, row by row.
+    pub texels: Vec<[u8; 4]>,
+    pub encoding: Encoding,
+    pub wrap: [Wrap; 2],
+    /// Nearest magnification.
+    pub nearest: bool,
+}
+
+impl Texture {
+    fn with_channel_at_one(&self, channel: usize) -> Self {
+        let mut copy = self.clone();
+        for texel in &mut copy.texels {
+            texel[channel] = 255;
+        }
+        copy
+    }
+}

@@ -1,0 +1,101 @@
+//! A model: meshes, materials, textures and the nodes that place them, as glTF loading, the built-in shapes and the
+//! built-in rooms all make it.
+
+use super::{
+    animation::Transform,
+    clip::Clip,
+    material::{Material, Texture},
+};
+use glam::{Affine3A, Vec2, Vec3};
+
+/// Triangles in object space, metres. All per-vertex arrays have the length of `positions`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    pub name: String,
+    pub positions: Vec<Vec3>,
+    /// Unit length.
+    pub normals: Vec<Vec3>,
+    /// Empty: all zero.
+    pub uvs: Vec<Vec2>,
+    /// As in glTF, `w` the bitangent's sign; zero: no normal mapping there. Empty: all zero.
+    pub tangents: Vec<[f32; 4]>,
+    /// Vertex indices, counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// The material of each triangle, an index into the model's.
+    pub materials: Vec<u32>,
+}
+
+/// How a node is placed in its parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Local {
+    /// Can be animated.
+    Transform(Transform),
+    /// A matrix that need not be a product of the three.
+    Matrix(Affine3A),
+}
+
+impl Local {
+    /// Node to parent.
+    pub fn matrix(&self) -> Affine3A {
+        match self {
+            Self::Transform(transform) => transform.matrix(),
+            Self::Matrix(matrix) => *matrix,
+        }
+    }
+}
+
+/// A node of the model's hierarchy.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    pub name: String,
+    /// Index of the parent, which comes earlier in the list.
+    pub parent: Option<usize>,
+    pub local: Local,
+    /// Index of its mesh.
+    pub mesh: Option<usize>,
+}
+
+/// Everything that one glTF file, shape or built-in room holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    pub name: String,
+    pub meshes: Vec<Mesh>,
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+    pub rig: Rig,
+}
+
+/// The nodes of a model and what moves them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rig {
+    /// Parents come before their children.
+    pub nodes: Vec<Node>,
+    pub clips: Vec<Clip>,
+}
+
+impl Model {
+    /// One mesh of one material at the origin.
+    pub fn from_mesh(mesh: Mesh, material: Material) -> Self {
+        let name = mesh.name.clone();
+        let local = Local::Transform(Transform::IDENTITY);
+        let node = Node { name: name.clone(), parent: None, local, mesh: Some(0) };
+        let rig = Rig { nodes: vec![node], clips: Vec::new() };
+        Self { name, meshes: vec![mesh], materials: vec![material], textures: Vec::new(), rig }
+    }
+}
+
+impl Rig {
+    /// Node-to-model matrices, with `clip` played at `time` seconds where one is given.
+    pub fn node_matrices(&self, clip: Option<(usize, f64)>) -> Vec<Affine3A> {
+        let mut locals: Vec<Local> = self.nodes.iter().map(|node| node.local).collect();
+        if let Some((clip, time)) = clip {
+            self.clips[clip].apply(time, &mut locals);
+        }
+        let mut matrices: Vec<Affine3A> = Vec::with_capacity(locals.len());
+        for (node, local) in self.nodes.iter().zip(&locals) {
+            let parent = node.parent.map_or(Affine3A::IDENTITY, |parent| matrices[parent]);
+            matrices.push(parent * local.matrix());
+        }
+        matrices
+    }
+}

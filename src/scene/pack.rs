@@ -1,0 +1,171 @@
+//! Models to the arrays that the shaders read: triangles in leaf order, bottom-level trees, materials, texels.
+
+use super::{
+    bounds::Bounds,
+    bvh,
+    mips::{level_count, level_size, with_mips},
+    model::{Mesh, Model},
+    packed::{self, PackedScene, TriangleGeometry, TriangleShading, Vertex},
+};
+use crate::{Error, Result};
+use glam::Vec3;
+
+/// Texels of all textures, at most: 128 MiB, the largest storage buffer that every Vulkan device allows. Beyond it the
+/// largest textures lose their finest levels.
+pub const MAX_TEXELS: usize = 1 << 25;
+/// Triangles of all models, and vertices, at most (36 bytes each, again 128 MiB).
+pub const MAX_ELEMENTS: usize = (1 << 27) / 36;
+
+/// Where a packed mesh is found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PackedMesh {
+    /// Root node of its bottom level.
+    pub root: u32,
+    /// Object space, metres.
+    pub bounds: Bounds,
+}
+
+/// All models, packed.
+#[derive(Debug, Default)]
+pub struct Packed {
+    pub scene: PackedScene,
+    /// For each model, for each of its meshes; `None` for a mesh without triangles.
+    pub meshes: Vec<Vec<Option<PackedMesh>>>,
+    pub warnings: Vec<String>,
+}
+
+/// Packs models to be placed `instances` times in all.
+///
+/// # Errors
+/// A model that does not fit, or whose numbers cannot be used.
+pub fn pack(models: &[&Model], instances: usize) -> Result<Packed> {
+    let mut packed = Packed::default();
+    let first_levels = fit_textures(models, &mut packed.warnings);
+    let mut first_levels = first_levels.into_iter();
+    let depth_limit = bvh::bottom_depth_limit(instances);
+    for model in models {
+        let scene = &mut packed.scene;
+        let first_texture = scene.textures.len() as u32;
+        let first_material = scene.materials.len() as u32;
+        for texture in &model.textures {
+            let first_level = first_levels.next().unwrap_or(0);
+            let size = level_size(texture.size, first_level);
+            scene.textures.push(packed::Texture {
+                offset: scene.texels.len() as u32,
+                width: size[0],
+                height: size[1],
+                levels: level_count(size),
+                wrap_u: texture.wrap[0] as u32,
+                wrap_v: texture.wrap[1] as u32,
+                srgb: u32::from(texture.encoding == super::material::Encoding::Srgb),
+                nearest: u32::from(texture.nearest),
+            });
+            scene.texels.extend(with_mips(texture, first_level));
+        }
+        scene.materials.extend(model.materials.iter().map(|material| material.pack(first_texture)));
+        let mut meshes = Vec::new();
+        for mesh in &model.meshes {
+            check_mesh(mesh, model)?;
+            let (mesh, dropped) = pack_mesh(scene, mesh, first_material, depth_limit);
+            meshes.push(mesh);
+            if dropped > 0 {
+                packed.warnings.push(format!("{}: {dropped} triangles without area were left out", model.name));
+            }
+        }
+        packed.meshes.push(meshes);
+        if packed.scene.triangles.len().max(packed.scene.vertices.len()) > MAX_ELEMENTS {
+            let problem = format!("more than {MAX_ELEMENTS} triangles or vertices in the scene");
+            return Err(Error::input(&model.name, problem, "simplify the model or leave objects out"));
+        }
+    }
+    bvh::check(&packed.scene)?;
+    Ok(packed)
+}
+
+/// The first mip level of each texture of all models that is kept.
+fn fit_textures(models: &[&Model], warnings: &mut Vec<String>) -> Vec<u32> {
+    let textures: Vec<_> = models.iter().flat_map(|model| &model.textures).collect();
+    let cost = |size: [u32; 2], first: u32| -> usize {
+        (first..level_count(size)).map(|level| level_size(size, level)).map(|s| s[0] as usize * s[1] as usize).sum()
+    };
+    let mut levels = vec![0; textures.len()];
+    let mut costs: Vec<usize> = textures.iter().map(|texture| cost(texture.size, 0)).collect();
+    while costs.iter().sum::<usize>() > MAX_TEXELS {
+        let Some(largest) = (0..costs.len()).max_by_key(|i| costs[*i]) else { break };
+        levels[largest] += 1;
+        costs[largest] = cost(textures[largest].size, levels[largest]);
+    }
+    for (texture, level) in textures.iter().zip(&levels).filter(|(_, level)| **level > 0) {
+        let [w, h] = level_size(texture.size, *level);
+        warnings.push(format!("{}: reduced to {w}x{h}, as all textures together exceed 128 MiB", texture.name));
+    }
+    levels
+}
+
+/// In-memory models come from callers, so the arrays are checked here too.
+fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
+    let subject = || format!("{}: mesh {}", model.name, mesh.name);
+    let vertices = mesh.positions.len();
+    let lengths_fit = mesh.normals.len() == vertices
+        && [mesh.uvs.len(), mesh.tangents.len()].iter().all(|n| *n == 0 || *n == vertices)
+        && mesh.materials.len() == mesh.triangles.len();
+    let indices_fit = mesh.triangles.iter().flatten().all(|index| (*index as usize) < vertices)
+        && mesh.materials.iter().all(|material| (*material as usize) < model.materials.len());
+    if !lengths_fit || !indices_fit {
+        return Err(Error::input(subject(), "its arrays do not fit each other", "repair the mesh"));
+    }
+    if !mesh.positions.iter().all(|p| p.is_finite() && p.abs().max_element() < 1e9) {
+        return Err(Error::input(subject(), "a position is not finite or beyond 1e9 m", "repair the mesh"));
+    }
+    Ok(())
+}
+
+fn pack_mesh(
+    scene: &mut PackedScene,
+    mesh: &Mesh,
+    first_material: u32,
+    depth_limit: u32,
+) -> (Option<PackedMesh>, usize) {
+    let corners = |triangle: &[u32; 3]| triangle.map(|index| mesh.positions[index as usize]);
+    let kept: Vec<usize> = (0..mesh.triangles.len())
+        .filter(|index| {
+            let [a, b, c] = corners(&mesh.triangles[*index]);
+            (b - a).as_dvec3().cross((c - a).as_dvec3()).length_squared() > 0.0
+        })
+        .collect();
+    let dropped = mesh.triangles.len() - kept.len();
+    if kept.is_empty() {
+        return (None, dropped);
+    }
+    let geometry = |triangle: &[u32; 3]| {
+        let [v0, v1, v2] = corners(triangle);
+        TriangleGeometry { v0, e1: v1 - v0, e2: v2 - v0 }
+    };
+    let boxes: Vec<Bounds> = kept
+        .iter()
+        .map(|index| {
+            let g = geometry(&mesh.triangles[*index]);
+            Bounds::of([g.v0, g.v0 + g.e1, g.v0 + g.e2])
+        })
+        .collect();
+    let tree = bvh::build_bottom(&boxes, depth_limit);
+
+    let (first_vertex, first_triangle) = (scene.vertices.len() as u32, scene.triangles.len() as u32);
+    for (index, normal) in mesh.normals.iter().enumerate() {
+        scene.vertices.push(Vertex {
+            normal: normal.try_normalize().unwrap_or(Vec3::Y),
+            uv: mesh.uvs.get(index).copied().unwrap_or_default(),
+            tangent: mesh.tangents.get(index).copied().unwrap_or_default(),
+        });
+    }
+    for item in &tree.order {
+        let index = kept[*item as usize];
+        let triangle = &mesh.triangles[index];
+        let [v0, v1, v2] = triangle.map(|vertex| first_vertex + vertex);
+        scene.triangles.push(geometry(triangle));
+        scene.shading.push(TriangleShading { v0, v1, v2, material: first_material + mesh.materials[index] });
+    }
+    let root = scene.nodes.len() as u32;
+    scene.nodes.extend(tree.pack(root, |first| first_triangle + first));
+    (Some(PackedMesh { root, bounds: tree.bounds() }), dropped)
+}

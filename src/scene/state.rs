@@ -1,0 +1,195 @@
+//! A scene in memory, and what of it changes over time.
+
+use super::{
+    animation::{Placement, is_invertible},
+    bounds::Bounds,
+    bvh,
+    camera::{Camera, CameraTrack},
+    file::RenderSettings,
+    model::{Model, Rig},
+    pack::{PackedMesh, pack},
+    packed::{Instance, PackedInstances, PackedScene},
+};
+use crate::{Result, panorama::source::PanoramaSource};
+use glam::Affine3A;
+use std::{path::PathBuf, sync::Arc};
+
+/// A model placed in the world.
+#[derive(Clone, Debug)]
+pub struct Object {
+    pub name: String,
+    /// Objects that share the same `Arc` share its packed triangles.
+    pub model: Arc<Model>,
+    pub placement: Placement,
+    /// Index of the clip that is played, in a loop.
+    pub clip: Option<usize>,
+    /// Factor on the clip's time.
+    pub speed: f64,
+}
+
+/// All that is rendered. Made by [`Scene::load`] from files, by [`Scene::assemble`] from memory.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    pub name: String,
+    pub panorama: PanoramaSource,
+    pub camera: CameraTrack,
+    /// Triangles, materials and textures of all objects.
+    pub packed: PackedScene,
+    pub render: RenderSettings,
+    /// The glTF file of the true real scene, where known.
+    pub room: Option<PathBuf>,
+    /// What is understood but not done, or was mended; one line each.
+    pub warnings: Vec<String>,
+    placed: Vec<Placed>,
+}
+
+/// An object, its triangles packed.
+#[derive(Clone, Debug)]
+struct Placed {
+    name: String,
+    rig: Rig,
+    placement: Placement,
+    clip: Option<usize>,
+    speed: f64,
+    /// Node, its mesh, and the instance's id.
+    instances: Vec<(usize, PackedMesh, u32)>,
+}
+
+/// A scene at one time.
+#[derive(Clone, Debug)]
+pub struct SceneState {
+    pub camera: Camera,
+    pub instances: PackedInstances,
+}
+
+impl Scene {
+    /// Packs objects into a scene.
+    ///
+    /// # Errors
+    /// A model whose arrays do not fit each other, or too many triangles.
+    pub fn assemble(
+        name: &str,
+        panorama: PanoramaSource,
+        camera: CameraTrack,
+        objects: Vec<Object>,
+        render: RenderSettings,
+    ) -> Result<Self> {
+        let mut models: Vec<&Arc<Model>> = Vec::new();
+        let model_of: Vec<usize> = objects
+            .iter()
+            .map(|object| {
+                models.iter().position(|model| Arc::ptr_eq(model, &object.model)).unwrap_or_else(|| {
+                    models.push(&object.model);
+                    models.len() - 1
+                })
+            })
+            .collect();
+        let meshes_in = |object: &Object| object.model.rig.nodes.iter().filter(|node| node.mesh.is_some()).count();
+        let count = objects.iter().map(meshes_in).sum();
+        let packed = pack(&models.iter().map(|model| model.as_ref()).collect::<Vec<_>>(), count)?;
+        let mut next_id = 1;
+        let mut placed = Vec::new();
+        for (object, model) in objects.iter().zip(model_of) {
+            let meshes = &packed.meshes[model];
+            let mut instances = Vec::new();
+            for (node, mesh) in object.model.rig.nodes.iter().enumerate().filter_map(|(i, n)| Some((i, n.mesh?))) {
+                if let Some(Some(mesh)) = meshes.get(mesh) {
+                    instances.push((node, *mesh, next_id));
+                    next_id += 1;
+                }
+            }
+            placed.push(Placed {
+                name: object.name.clone(),
+                rig: object.model.rig.clone(),
+                placement: object.placement.clone(),
+                clip: object.clip.filter(|clip| *clip < object.model.rig.clips.len()),
+                speed: object.speed,
+                instances,
+            });
+        }
+        let (name, scene) = (name.to_owned(), packed.scene);
+        let mut scene =
+            Self { name, panorama, camera, packed: scene, render, room: None, warnings: packed.warnings, placed };
+        scene.warn_of_hidden();
+        Ok(scene)
+    }
+
+    /// Camera, instances and top level at `time_seconds`; `previous_time` is that of the frame before, for motion vectors
+    /// (the same time where there is none).
+    ///
+    /// An instance whose matrix cannot be inverted now is left out.
+    pub fn at(&self, time_seconds: f64, previous_time: f64) -> SceneState {
+        let mut instances = Vec::new();
+        let mut boxes = Vec::new();
+        for placed in &self.placed {
+            let now = placed.matrices(time_seconds);
+            let before = if previous_time == time_seconds { now.clone() } else { placed.matrices(previous_time) };
+            for &(node, mesh, id) in &placed.instances {
+                let to_world = now[node];
+                if !is_invertible(&to_world) {
+                    continue;
+                }
+                let previous = if before[node].is_finite() { before[node] } else { to_world };
+                instances.push(Instance {
+                    object_to_world: rows(&to_world),
+                    world_to_object: rows(&to_world.inverse()),
+                    previous_object_to_world: rows(&previous),
+                    root: mesh.root,
+                    id,
+                    padding: [0; 2],
+                });
+                boxes.push(mesh.bounds.transformed(&to_world).padded());
+            }
+        }
+        let tree = bvh::build_top(&boxes);
+        let nodes = tree.pack(0, |first| tree.order[first as usize]);
+        SceneState { camera: self.camera.at(time_seconds), instances: PackedInstances { instances, nodes } }
+    }
+
+    /// How many instances there are at most; ids are 1 to this number.
+    pub fn instance_count(&self) -> usize {
+        self.placed.iter().map(|placed| placed.instances.len()).sum()
+    }
+
+    /// The name of the object that instance `id` belongs to.
+    pub fn object_name(&self, id: u32) -> Option<&str> {
+        let has = |placed: &&Placed| placed.instances.iter().any(|(_, _, instance)| *instance == id);
+        self.placed.iter().find(has).map(|placed| placed.name.as_str())
+    }
+
+    /// The world box of all instances of object `index` at `time_seconds`, metres.
+    pub fn object_bounds(&self, index: usize, time_seconds: f64) -> Bounds {
+        let Some(placed) = self.placed.get(index) else { return Bounds::EMPTY };
+        let matrices = placed.matrices(time_seconds);
+        let boxes = placed.instances.iter().map(|(node, mesh, _)| mesh.bounds.transformed(&matrices[*node]));
+        boxes.fold(Bounds::EMPTY, Bounds::union)
+    }
+
+    fn warn_of_hidden(&mut self) {
+        for placed in &self.placed {
+            let matrices = placed.matrices(0.0);
+            let flat = placed.instances.iter().filter(|(node, ..)| !is_invertible(&matrices[*node])).count();
+            if flat > 0 {
+                let problem = "have a matrix without inverse at the start and are not drawn";
+                self.warnings.push(format!("{}: {flat} of its instances {problem}", placed.name));
+            } else if placed.instances.is_empty() {
+                self.warnings.push(format!("{}: holds no triangles", placed.name));
+            }
+        }
+    }
+}
+
+impl Placed {
+    /// Node to world.
+    fn matrices(&self, time: f64) -> Vec<Affine3A> {
+        let world = self.placement.at(time).matrix();
+        let nodes = self.rig.node_matrices(self.clip.map(|clip| (clip, time * self.speed)));
+        nodes.into_iter().map(|node| world * node).collect()
+    }
+}
+
+/// The three rows of an affine matrix.
+fn rows(matrix: &Affine3A) -> [[f32; 4]; 3] {
+    let (linear, translation) = (matrix.matrix3, matrix.translation);
+    [0, 1, 2].map(|row| [linear.x_axis[row], linear.y_axis[row], linear.z_axis[row], translation[row]])
+}

@@ -1,0 +1,325 @@
+//! glTF loading: real models, and 263 broken ones.
+
+use glam::{Vec2, Vec3};
+use iprt::{
+    panorama::{depth::Quantisation, source::PanoramaFrame, source::PanoramaSource},
+    scene::{
+        Object, Scene,
+        animation::{Placement, Transform},
+        bvh,
+        camera::CameraTrack,
+        clip::Property,
+        file::RenderSettings,
+        gltf,
+        model::Model,
+    },
+};
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+/// The folder of real data; a missing one fails the test.
+fn data(below: &str) -> PathBuf {
+    let root = std::env::var_os("IPRT_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let path = root.join(below);
+    assert!(path.exists(), "{} is missing; set IPRT_DATA", path.display());
+    path
+}
+
+fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("a readable folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            files(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "gltf" || extension == "glb") {
+            found.push(path);
+        }
+    }
+}
+
+/// The model in a scene of its own, which checks both BVH levels.
+fn scene_of(model: Model) -> Scene {
+    let frame = PanoramaFrame {
+        color_size: [2, 1],
+        radiance: vec![[1.0; 4]; 2],
+        depth_size: [2, 1],
+        depth: vec![1.0; 2],
+        quantisation: Quantisation::None,
+        warnings: vec![],
+    };
+    let panorama = PanoramaSource::from_frames(vec![frame], 30.0, Vec3::ZERO, 0.0).expect("a panorama");
+    let clip = (!model.rig.clips.is_empty()).then_some(0);
+    let placement = Placement::fixed(Transform::IDENTITY);
+    let object = Object { name: "m".into(), model: Arc::new(model), placement, clip, speed: 1.0 };
+    let camera = CameraTrack::at_point(Vec3::ZERO);
+    let scene = Scene::assemble("test", panorama, camera, vec![object], RenderSettings::default()).expect("packs");
+    for time in [0.0, 0.7] {
+        let state = scene.at(time, 0.0);
+        bvh::check_top(&scene.packed, &state.instances).expect("a valid top level");
+    }
+    scene
+}
+
+fn load(below: &str) -> (Model, Vec<String>) {
+    gltf::load(&data("gltf").join(below)).unwrap_or_else(|error| panic!("{below}: {error}"))
+}
+
+#[test]
+fn every_broken_file_loads_or_gives_one_line() {
+    let mut found = Vec::new();
+    files(&data("gltf_malformed"), &mut found);
+    assert_eq!(found.len(), 263);
+    let mut refused = 0;
+    for path in &found {
+        let outcome = catch_unwind(AssertUnwindSafe(|| match gltf::load(path) {
+            Ok((model, warnings)) => {
+                assert!(warnings.iter().all(|warning| !warning.contains('\n')));
+                scene_of(model);
+                false
+            }
+            Err(error) => {
+                let line = error.to_string();
+                assert!(!line.contains('\n') && line.len() < 600, "{line}");
+                assert!(line.starts_with(&path.display().to_string()), "{line}");
+                assert_eq!(error.exit_code(), 2);
+                true
+            }
+        }));
+        refused += usize::from(outcome.unwrap_or_else(|_| panic!("{} panicked", path.display())));
+    }
+    // Many are only borderline (hints, unused data); but most of what is broken must be refused.
+    println!("{refused} of {} refused", found.len());
+    assert!(refused > 100, "only {refused} were refused");
+}
+
+#[test]
+fn every_real_model_loads() {
+    let mut found = Vec::new();
+    files(&data("gltf"), &mut found);
+    assert!(found.len() >= 16);
+    for path in found {
+        let (model, warnings) = gltf::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        let scene = scene_of(model);
+        assert!(!scene.packed.triangles.is_empty(), "{}", path.display());
+        println!("{}: {} triangles, {warnings:?}", path.display(), scene.packed.triangles.len());
+    }
+}
+
+#[test]
+fn the_water_bottle_has_all_its_textures() {
+    let (model, warnings) = load("WaterBottle/WaterBottle.gltf");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let material = &model.materials[0];
+    assert!(material.base_color_texture.is_some() && material.metallic_roughness_texture.is_some());
+    assert!(material.normal_texture.is_some() && material.emissive_texture.is_some());
+    let height = scene_of(model).object_bounds(0, 0.0);
+    assert!(((height.max - height.min).y - 0.26).abs() < 0.02);
+}
+
+#[test]
+fn unsupported_features_are_named() {
+    for (file, feature) in [
+        ("RiggedFigure/RiggedFigure.glb", "a skin"),
+        ("AnimatedMorphCube/AnimatedMorphCube.glb", "a morph target"),
+        ("BoxVertexColors/BoxVertexColors.glb", "a vertex colour"),
+        ("AlphaBlendModeTest/AlphaBlendModeTest.glb", "alpha mode BLEND"),
+        ("glass-table/glass-table.glb", "KHR_materials_transmission"),
+    ] {
+        let (_, warnings) = load(file);
+        assert!(warnings.iter().any(|w| w.contains(feature) && w.contains(file)), "{file}: {warnings:?}");
+    }
+}
+
+#[test]
+fn missing_normals_are_flat_and_missing_tangents_are_made() {
+    let (model, _) = load("TriangleWithoutIndices/TriangleWithoutIndices.gltf");
+    assert_eq!(model.meshes[0].normals, [Vec3::Z; 3]);
+    let (model, _) = load("NormalTangentTest/NormalTangentTest.glb");
+    for (mesh, normal_mapped) in
+        model.meshes.iter().map(|m| (m, model.materials[m.materials[0] as usize].normal_texture))
+    {
+        for (tangent, normal) in mesh.tangents.iter().zip(&mesh.normals) {
+            let [x, y, z, sign] = *tangent;
+            let along = Vec3::new(x, y, z);
+            if normal_mapped.is_some() && along != Vec3::ZERO {
+                assert!((along.length() - 1.0).abs() < 1e-3 && along.dot(*normal).abs() < 0.05 && sign.abs() == 1.0);
+            }
+        }
+        assert!(normal_mapped.is_none() || mesh.tangents.iter().any(|tangent| tangent[3] != 0.0));
+    }
+}
+
+#[test]
+fn sparse_accessors_replace_positions() {
+    let (model, _) = load("SimpleSparseAccessor/SimpleSparseAccessor.gltf");
+    let positions = &model.meshes[0].positions;
+    assert!(positions.iter().any(|p| p.abs_diff_eq(Vec3::new(1.0, 2.0, 0.0), 1e-6)), "{positions:?}");
+}
+
+#[test]
+fn texture_transforms_are_baked() {
+    let (model, _) = load("TextureTransformTest/TextureTransformTest.gltf");
+    let uvs = |name: &str| {
+        let node = model.rig.nodes.iter().find(|node| node.name == name).unwrap_or_else(|| panic!("no node {name}"));
+        model.meshes[node.mesh.expect("a mesh")].uvs.clone()
+    };
+    let names: Vec<_> = model.rig.nodes.iter().map(|node| node.name.as_str()).collect();
+    println!("{names:?}");
+    let max = |uvs: &[Vec2]| uvs.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max);
+    let min = |uvs: &[Vec2]| uvs.iter().copied().fold(Vec2::INFINITY, Vec2::min);
+    // Offset U is 0.5 over half the image, Rotation 0.39 rad about the upper left corner.
+    let offset = uvs("Offset U");
+    assert!(
+        min(&offset).abs_diff_eq(Vec2::new(0.5, 0.0), 1e-4) && max(&offset).abs_diff_eq(Vec2::new(1.0, 0.5), 1e-4),
+        "{offset:?}"
+    );
+    let rotation = uvs("Rotation");
+    assert!(min(&rotation).y < -0.1, "counter-clockwise with v down: {rotation:?}");
+}
+
+#[test]
+fn animated_nodes_move() {
+    let (model, _) = load("BoxAnimated/BoxAnimated.gltf");
+    assert!(model.rig.clips[0].channels.iter().any(|channel| channel.property == Property::Rotation));
+    let scene = scene_of(model);
+    let (start, later) = (scene.at(0.0, 0.0), scene.at(2.0, 1.9));
+    let moved = start.instances.instances.iter().zip(&later.instances.instances);
+    assert!(moved.clone().any(|(a, b)| a.object_to_world != b.object_to_world));
+    assert!(moved.clone().all(|(a, b)| a.id == b.id));
+    assert!(later.instances.instances.iter().any(|i| i.object_to_world != i.previous_object_to_world));
+}
+
+/// A glTF file with these top-level members beside `asset`.
+fn inline(members: &str) -> Result<(Model, Vec<String>), String> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("inline.gltf");
+    std::fs::write(&path, format!(r#"{{"asset":{{"version":"2.0"}},{members}}}"#)).expect("written");
+    gltf::load(&path).map_err(|error| error.to_string())
+}
+
+/// A triangle, with room for changes.
+fn triangle(buffer: &str, accessor: &str, material: &str) -> String {
+    format!(
+        r#""scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}{material}}}]}}],
+        "buffers":[{{"byteLength":36,"uri":"{buffer}"}}],"bufferViews":[{{"buffer":0,"byteLength":36}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"type":"VEC3","min":[0,0,0],"max":[1,1,0],{accessor}}}]"#
+    )
+}
+
+const TRIANGLE: &str = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+
+#[test]
+fn hostile_files_are_refused() {
+    let (model, _) = inline(&triangle(TRIANGLE, r#""count":3"#, "")).expect("a good file");
+    assert_eq!(model.meshes[0].positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    for (members, words) in [
+        (triangle("http://example.com/a.bin", r#""count":3"#, ""), "not a file beside"),
+        (triangle("file:///etc/passwd", r#""count":3"#, ""), "not a file beside"),
+        (triangle("/dev/zero", r#""count":3"#, ""), "no relative path"),
+        (triangle("absent%20name.bin", r#""count":3"#, ""), "absent name.bin"),
+        (triangle("data:application/octet-stream;base64,AAA", r#""count":3"#, ""), "buffer 0"),
+        (triangle("data:text/plain,hello", r#""count":3"#, ""), "not base64"),
+        (triangle("data:application/octet-stream;base64,AAAA", r#""count":3"#, ""), "says it has 36 bytes"),
+        (triangle(TRIANGLE, r#""count":4"#, ""), "beyond its buffer view"),
+        (triangle(TRIANGLE, r#""count":18446744073709551615"#, ""), "beyond its buffer view"),
+        (triangle(TRIANGLE, r#""count":3,"byteOffset":18446744073709551615"#, ""), "beyond its buffer view"),
+        (triangle(TRIANGLE, r#""count":3"#, r#","material":7"#), "index out of bounds"),
+        (triangle(TRIANGLE, r#""count":3"#, r#","indices":0"#), "whole numbers"),
+        (r#""extensionsRequired":["EXT_nonsense"],"extensionsUsed":["EXT_nonsense"]"#.into(), "EXT_nonsense"),
+        (r#""nodes":[{"children":[1]},{"children":[0]}],"scenes":[{"nodes":[0]}]"#.into(), "own ancestor"),
+        (r#""nodes":[{"rotation":[0,0,0,0]}],"scenes":[{"nodes":[0]}]"#.into(), "rotation"),
+        (
+            r#""accessors":[{"componentType":5126,"type":"VEC3","count":4000000000}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[{"mesh":0}],"scenes":[{"nodes":[0]}]"#.into(),
+            "says it has 4000000000",
+        ),
+    ] {
+        let line = inline(&members).expect_err(words);
+        assert!(line.contains(words) && !line.contains('\n'), "{words}: {line}");
+    }
+    let bad_material = |material: &str| {
+        let members = triangle(TRIANGLE, r#""count":3"#, r#","material":0"#);
+        inline(&format!(r#"{members},"materials":[{material}]"#)).expect_err(material)
+    };
+    for material in [
+        r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":9}}}"#,
+        r#"{"extensions":{"KHR_materials_specular":{"specularTexture":{"index":9}}}}"#,
+        r#"{"extensions":{"KHR_materials_specular":{"specularColorTexture":{"index":9}}}}"#,
+        r#"{"extensions":{"KHR_materials_transmission":{"transmissionTexture":{"index":9}}}}"#,
+        r#"{"normalTexture":{"index":9}}"#,
+        r#"{"pbrMetallicRoughness":{"metallicFactor":7}}"#,
+    ] {
+        assert!(!bad_material(material).contains('\n'));
+    }
+}
+
+#[test]
+fn wide_and_deep_hierarchies_neither_hang_nor_overflow() {
+    let nodes: Vec<String> = (0..100_000).map(|i| format!(r#"{{"children":[{}]}}"#, i + 1)).collect();
+    let (model, _) =
+        inline(&format!(r#""nodes":[{},{{}}],"scenes":[{{"nodes":[0]}}]"#, nodes.join(","))).expect("loads");
+    assert_eq!(model.rig.nodes.len(), 100_001);
+    assert_eq!(model.rig.node_matrices(None).len(), 100_001);
+}
+
+#[test]
+fn meshes_used_twice_are_packed_once() {
+    let members = triangle(TRIANGLE, r#""count":3"#, "").replace(
+        r#""nodes":[0]}],"nodes":[{"mesh":0}]"#,
+        r#""nodes":[0]}],"nodes":[{"mesh":0,"children":[1]},{"mesh":0,"translation":[0,0,5]}]"#,
+    );
+    let scene = scene_of(inline(&members).expect("loads").0);
+    assert_eq!((scene.packed.triangles.len(), scene.instance_count()), (1, 2));
+    let instances = scene.at(0.0, 0.0).instances.instances;
+    assert_eq!(instances[0].root, instances[1].root);
+    assert_eq!((instances[1].id, instances[1].object_to_world[2][3]), (2, 5.0));
+}
+
+/// Flipped bytes in real files: an error or a model, never a panic.
+#[test]
+fn mutated_files_never_panic() {
+    let mut seed = 1_u64;
+    let mut random = |below: usize| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as usize % below
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut refused = 0;
+    for source in [
+        "BoxInterleaved/BoxInterleaved.glb",
+        "BoxVertexColors/BoxVertexColors.glb",
+        "BoxAnimated/BoxAnimated.gltf",
+        "SimpleSparseAccessor/SimpleSparseAccessor.gltf",
+        "SimpleMorph/SimpleMorph.gltf",
+    ] {
+        let source = data("gltf").join(source);
+        for entry in std::fs::read_dir(source.parent().expect("a folder")).expect("read") {
+            let entry = entry.expect("an entry").path();
+            std::fs::copy(&entry, folder.path().join(entry.file_name().expect("a name"))).expect("copied");
+        }
+        let whole = std::fs::read(&source).expect("read");
+        let path = folder.path().join("mutated").with_extension(source.extension().expect("one"));
+        for _ in 0..400 {
+            let mut bytes = whole.clone();
+            for _ in 0..1 + random(4) {
+                let at = random(bytes.len());
+                bytes[at] = match random(3) {
+                    0 => b'0' + random(10) as u8,
+                    1 => bytes[at] ^ (1 << random(8)),
+                    _ => random(256) as u8,
+                };
+            }
+            if random(8) == 0 {
+                bytes.truncate(random(bytes.len()));
+            }
+            std::fs::write(&path, &bytes).expect("written");
+            let outcome =
+                catch_unwind(AssertUnwindSafe(|| gltf::load(&path).map(|(model, _)| scene_of(model)).is_err()));
+            refused += usize::from(outcome.unwrap_or_else(|_| panic!("panicked on {}", path.display())));
+        }
+    }
+    assert!(refused > 400, "{refused}");
+}

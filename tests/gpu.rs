@@ -1,0 +1,427 @@
+//! The Vulkan layer: every test ends by destroying its device and demands no validation message; canaries show that
+//! a missing barrier and a leak would be one. No device or no layer is a failure, never a skip.
+
+use iprt::{
+    Error,
+    gpu::{Access, Bind, Format, Gpu, GpuOptions, PassDeclaration, PushLayout, StructLayout, Threads, struct_layout},
+    gpu_struct,
+};
+
+mod shaders {
+    include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
+}
+
+gpu_struct! {
+    struct AddPush {
+        pub count: u32,
+        pub amount: f32,
+    }
+}
+
+gpu_struct! {
+    struct Item {
+        pub a: [f32; 3],
+        pub b: f32,
+        pub c: [u32; 2],
+    }
+}
+
+const ADD: PassDeclaration = PassDeclaration {
+    name: "add",
+    spirv: shaders::ADD,
+    bindings: &[("in_values", Access::Read), ("out_values", Access::Write)],
+    push: Some(PushLayout::of::<AddPush>()),
+    structs: &[],
+};
+
+const ITEMS: PassDeclaration = PassDeclaration {
+    name: "items",
+    spirv: shaders::ITEMS,
+    bindings: &[("in_items", Access::Read), ("in_scale", Access::Read), ("out_sums", Access::Write)],
+    push: None,
+    structs: &[struct_layout::<Item>("Item")],
+};
+
+const COUNT: PassDeclaration = PassDeclaration {
+    name: "count",
+    spirv: shaders::COUNT,
+    bindings: &[("arguments", Access::ReadWrite)],
+    push: None,
+    structs: &[],
+};
+
+const BLUR: PassDeclaration = PassDeclaration {
+    name: "blur",
+    spirv: shaders::BLUR,
+    bindings: &[("in_level", Access::Read), ("out_level", Access::Write)],
+    push: None,
+    structs: &[],
+};
+
+const SAMPLE: PassDeclaration = PassDeclaration {
+    name: "sample",
+    spirv: shaders::SAMPLE,
+    bindings: &[("in_panorama", Access::Read), ("out_samples", Access::Write), ("out_count", Access::ReadWrite)],
+    push: None,
+    structs: &[],
+};
+
+fn open() -> Gpu {
+    let device = std::env::var("IPRT_DEVICE").ok();
+    Gpu::new(&GpuOptions { device, validation: true }).expect("GPU tests need a Vulkan device and validation layer")
+}
+
+fn clean(gpu: Gpu) {
+    let messages = gpu.destroy().unwrap();
+    assert!(messages.is_empty(), "{}", messages.join("\n"));
+}
+
+#[test]
+fn upload_dispatch_read_back() {
+    let gpu = open();
+    {
+        let values: Vec<f32> = (0..1000).map(|i| i as f32).collect();
+        let from = gpu.buffer_with("from", &values).unwrap();
+        let to = gpu.buffer("to", 4000).unwrap();
+        let add = gpu.pass(&ADD, &[]).unwrap();
+        assert_eq!(add.local_size(), [64, 1, 1]);
+        let mut frame = gpu.frame().unwrap();
+        let push = AddPush { count: 999, amount: 0.5 };
+        let binds = [("out_values", Bind::from(&to)), ("in_values", Bind::from(&from))];
+        frame.dispatch(&add, &binds, &push, Threads::Size([999, 1, 1])).unwrap();
+        frame.dispatch(&add, &binds, &push, Threads::Size([0, 1, 1])).unwrap();
+        let timings = frame.submit().unwrap();
+        assert_eq!(timings.entries.len(), 1, "an empty dispatch runs nothing");
+        assert_eq!(timings.entries[0].0, "add");
+        assert!(timings.entries[0].1 >= 0.0 && timings.gpu_ms >= timings.entries[0].1);
+        let result: Vec<f32> = gpu.read_buffer(&to).unwrap();
+        let expected: Vec<f32> = (0..1000).map(|i| if i < 999 { i as f32 + 0.5 } else { 0.0 }).collect();
+        assert_eq!(result, expected);
+    }
+    clean(gpu);
+}
+
+#[test]
+fn structs_uniforms_and_specialization_arrive() {
+    let gpu = open();
+    {
+        let items = [Item { a: [1.0, 2.0, 3.0], b: 4.0, c: [5, 6] }, Item { a: [0.5; 3], b: 1.0, c: [0, 1] }];
+        let items = gpu.buffer_with("items", &items).unwrap();
+        let scale = gpu.buffer_with("scale", &[2.0f32]).unwrap();
+        let sums = gpu.buffer("sums", 8).unwrap();
+        for (specialization, width, extra) in [(&[][..], 32, 0.0), (&[(0, 16), (1, 100)][..], 16, 100.0)] {
+            let pass = gpu.pass(&ITEMS, specialization).unwrap();
+            assert_eq!(pass.local_size(), [width, 1, 1]);
+            let mut frame = gpu.frame().unwrap();
+            let binds =
+                [("in_items", Bind::from(&items)), ("in_scale", Bind::from(&scale)), ("out_sums", Bind::from(&sums))];
+            frame.dispatch(&pass, &binds, &(), Threads::Size([2, 1, 1])).unwrap();
+            frame.submit().unwrap();
+            assert_eq!(gpu.read_buffer::<f32>(&sums).unwrap(), [42.0 + extra, 7.0 + extra]);
+        }
+    }
+    clean(gpu);
+}
+
+#[test]
+fn an_indirect_dispatch_runs_what_the_gpu_counted() {
+    let gpu = open();
+    {
+        let (count, add) = (gpu.pass(&COUNT, &[]).unwrap(), gpu.pass(&ADD, &[]).unwrap());
+        let arguments = gpu.buffer_with("arguments", &[99u32, 0, 0, 0]).unwrap();
+        let from = gpu.buffer_with("from", &[1.0f32; 256]).unwrap();
+        let to = gpu.buffer("to", 1024).unwrap();
+        let mut frame = gpu.frame().unwrap();
+        frame.fill(&arguments, 0);
+        frame.barrier("counting starts at zero");
+        frame.dispatch(&count, &[("arguments", Bind::from(&arguments))], &(), Threads::Size([3, 1, 1])).unwrap();
+        frame.barrier("the dispatch reads its size");
+        let binds = [("in_values", Bind::from(&from)), ("out_values", Bind::from(&to))];
+        let push = AddPush { count: 256, amount: 1.0 };
+        frame.dispatch(&add, &binds, &push, Threads::Indirect(&arguments, 0)).unwrap();
+        let timings = frame.submit().unwrap();
+        let names: Vec<_> = timings.entries.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["fill arguments", "count", "add"]);
+        let result: Vec<f32> = gpu.read_buffer(&to).unwrap();
+        assert_eq!(result.iter().filter(|&&v| v == 2.0).count(), 3 * 64);
+        let mut frame = gpu.frame().unwrap();
+        let outside = frame.dispatch(&add, &binds, &push, Threads::Indirect(&arguments, 8));
+        assert!(outside.unwrap_err().to_string().contains("arguments"));
+    }
+    clean(gpu);
+}
+
+#[test]
+fn images_have_levels_and_layers() {
+    let gpu = open();
+    {
+        let blur = gpu.pass(&BLUR, &[]).unwrap();
+        let image = gpu.image("image", [8, 4], 2, 2, Format::Rgba16f).unwrap();
+        let texel = |v: f32| [half::f16::from_f32(v); 4].map(half::f16::to_bits);
+        gpu.write_image(&image, 1, 0, &[[texel(1.0), texel(3.0)]; 16]).unwrap();
+        assert!(gpu.write_image(&image, 0, 1, &[0u8; 3]).is_err());
+        assert!(gpu.read_image(&image, 2).is_err());
+        let binds = [("in_level", image.level(0)), ("out_level", image.level(1))];
+        let mut frame = gpu.frame().unwrap();
+        frame.dispatch(&blur, &binds, &(), Threads::Size([4, 2, 2])).unwrap();
+        frame.submit().unwrap();
+        let expected = |v: f32| [v; 4];
+        assert_eq!(gpu.read_image_level(&image, 0, 1).unwrap(), [expected(0.0); 8], "cleared when made");
+        let row = [1.0, 2.0, 2.0, 2.0].map(expected);
+        assert_eq!(gpu.read_image_level(&image, 1, 1).unwrap(), [row, row].concat());
+        let copy = gpu.image("copy", [8, 4], 2, 2, Format::Rgba16f).unwrap();
+        let mut frame = gpu.frame().unwrap();
+        frame.copy_image(&image, &copy).unwrap();
+        frame.submit().unwrap();
+        assert_eq!(gpu.read_image(&copy, 1).unwrap()[..2], [expected(1.0), expected(3.0)]);
+        assert_eq!(gpu.read_image_level(&copy, 1, 1).unwrap(), [row, row].concat());
+    }
+    clean(gpu);
+}
+
+#[test]
+fn sampling_filters_wraps_across_the_seam_and_stops_at_the_poles() {
+    let gpu = open();
+    {
+        let pass = gpu.pass(&SAMPLE, &[]).unwrap();
+        let panorama = gpu.image("panorama", [4, 2], 1, 2, Format::Rgba16f).unwrap();
+        let texel = |v: f32| [half::f16::from_f32(v); 4].map(half::f16::to_bits);
+        gpu.write_image(&panorama, 0, 0, &[1.0, 2.0, 4.0, 9.0, 0.0, 0.0, 0.0, 0.0].map(texel)).unwrap();
+        gpu.write_image(&panorama, 0, 1, &[7.0, 7.0].map(texel)).unwrap();
+        let samples = gpu.image("samples", [4, 1], 1, 1, Format::Rgba32f).unwrap();
+        let count = gpu.image("count", [1, 1], 1, 1, Format::R32u).unwrap();
+        let binds = [
+            ("in_panorama", Bind::from(&panorama)),
+            ("out_samples", (&samples).into()),
+            ("out_count", (&count).into()),
+        ];
+        let mut frame = gpu.frame().unwrap();
+        frame.dispatch(&pass, &binds, &(), Threads::Size([4, 1, 1])).unwrap();
+        frame.submit().unwrap();
+        let values: Vec<f32> = gpu.read_image(&samples, 0).unwrap().iter().map(|v| v[0]).collect();
+        for (value, expected) in values.iter().zip([1.5, 5.0, 1.0, 7.0]) {
+            assert!((value - expected).abs() < 0.02, "{values:?}"); // filtering has 8 bits of weight
+        }
+        assert_eq!(gpu.read_image(&count, 0).unwrap(), [[4.0, 0.0, 0.0, 0.0]]);
+    }
+    clean(gpu);
+}
+
+#[test]
+fn scopes_name_timings_and_query_pools_grow() {
+    let gpu = open();
+    {
+        let add = gpu.pass(&ADD, &[]).unwrap();
+        let (a, b) = (gpu.buffer("a", 4096).unwrap(), gpu.buffer("b", 4096).unwrap());
+        for rounds in [3, 150, 2] {
+            let mut frame = gpu.frame().unwrap();
+            frame.scope("relight");
+            for round in 0..rounds {
+                let (from, to) = if round % 2 == 0 { (&a, &b) } else { (&b, &a) };
+                let binds = [("in_values", Bind::from(from)), ("out_values", Bind::from(to))];
+                frame
+                    .dispatch(&add, &binds, &AddPush { count: 1024, amount: 1.0 }, Threads::Size([1024, 1, 1]))
+                    .unwrap();
+                frame.barrier("each round reads the last");
+            }
+            frame.scope_end();
+            frame.copy_buffer(&a, &b).unwrap();
+            assert_eq!(frame.barriers(), rounds);
+            let timings = frame.submit().unwrap();
+            let (last, relit) = timings.entries.split_last().unwrap();
+            assert!(relit.len() == rounds && relit.iter().all(|(name, _)| name == "relight"));
+            assert_eq!(last.0, "copy a to b");
+            let sum: f64 = timings.entries.iter().map(|(_, ms)| ms).sum();
+            assert!(timings.gpu_ms >= sum && sum > 0.0);
+        }
+        assert_eq!(gpu.read_buffer::<f32>(&b).unwrap()[0], 2.0 + 150.0 + 2.0);
+    }
+    clean(gpu);
+}
+
+/// Three dispatches with two barriers; the second makes both a read after a write and a write after a read.
+fn chain(gpu: &Gpu, skip: Option<usize>, ignore_hazards: bool) -> iprt::Result<()> {
+    let add = gpu.pass(&ADD, &[])?;
+    let (a, b) = (gpu.buffer("a", 4096)?, gpu.buffer("b", 4096)?);
+    let mut frame = gpu.frame()?;
+    for (i, (from, to)) in [(&a, &b), (&b, &a), (&a, &b)].into_iter().enumerate() {
+        if i > 0 {
+            frame.barrier("each round reads the last");
+        }
+        let binds = [("in_values", Bind::from(from)), ("out_values", Bind::from(to))];
+        frame.dispatch(&add, &binds, &AddPush { count: 1024, amount: 1.0 }, Threads::Size([1024, 1, 1]))?;
+    }
+    frame.skip_barrier(skip);
+    frame.ignore_hazards(ignore_hazards);
+    frame.submit().map(|_| ())
+}
+
+#[test]
+fn every_missing_barrier_is_an_error_before_anything_runs() {
+    let gpu = open();
+    chain(&gpu, None, false).unwrap();
+    for n in 0..2 {
+        let error = chain(&gpu, Some(n), false).unwrap_err();
+        assert!(error.to_string().contains("read after write on "), "{error}");
+    }
+    clean(gpu);
+}
+
+#[test]
+fn canary_the_layer_sees_every_missing_barrier() {
+    for n in 0..2 {
+        let gpu = open();
+        chain(&gpu, Some(n), true).unwrap();
+        let messages = gpu.destroy().unwrap();
+        assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD-READ-AFTER-WRITE")), "{n}: {messages:?}");
+    }
+}
+
+#[test]
+fn canary_the_layer_sees_a_leak() {
+    let gpu = open();
+    gpu.leak_for_test().unwrap();
+    let messages = gpu.destroy().unwrap();
+    assert!(messages.iter().any(|m| m.contains("VUID-vkDestroyDevice-device-00378")), "{messages:?}");
+}
+
+#[test]
+fn a_device_still_in_use_is_not_destroyed() {
+    let gpu = open();
+    let buffer = gpu.buffer("held", 16).unwrap();
+    assert!(matches!(gpu.destroy(), Err(Error::Internal(_))));
+    drop(buffer);
+}
+
+#[test]
+fn memory_is_counted_and_given_back() {
+    let gpu = open();
+    assert_eq!(gpu.device_bytes(), 0);
+    let image = gpu.image("image", [256, 256], 1, 1, Format::Rgba32f).unwrap();
+    let with_image = gpu.device_bytes();
+    assert!(with_image >= 256 * 256 * 16);
+    let empty = gpu.buffer("empty", 0).unwrap();
+    assert!(empty.bytes() == 16 && gpu.device_bytes() > with_image);
+    drop((image, empty));
+    assert_eq!(gpu.device_bytes(), 0);
+    clean(gpu);
+}
+
+#[test]
+fn declarations_that_disagree_with_the_shader_are_named() {
+    gpu_struct! {
+        struct Swapped {
+            pub amount: f32,
+            pub count: u32,
+        }
+    }
+    gpu_struct! {
+        struct Shifted {
+            pub pad: f32,
+            pub count: u32,
+            pub amount: f32,
+        }
+    }
+    gpu_struct! {
+        struct Padded {
+            pub a: [f32; 4],
+            pub b: f32,
+            pub c: [u32; 2],
+        }
+    }
+    gpu_struct! {
+        struct Longer {
+            pub a: [f32; 3],
+            pub b: f32,
+            pub c: [u32; 3],
+        }
+    }
+    const PADDED: &[StructLayout] = &[struct_layout::<Padded>("Item")];
+    const LONGER: &[StructLayout] = &[struct_layout::<Longer>("Item")];
+    const UNKNOWN: &[StructLayout] = &[struct_layout::<Item>("Thing")];
+    use Access::{Read, ReadWrite, Write};
+    let with_bindings = |bindings| PassDeclaration { bindings, ..ADD };
+    let with_push = |push| PassDeclaration { push, ..ADD };
+    let with_structs = |structs| PassDeclaration { structs, ..ITEMS };
+    let cases = [
+        (with_bindings(&[("in_values", Read)]), "out_values is used and not declared"),
+        (with_bindings(&[("in_values", Read), ("out_values", Write), ("in_other", Read)]), "in_other is declared and"),
+        (with_bindings(&[("in_values", ReadWrite), ("out_values", Write)]), "in_values is declared as ReadWrite"),
+        (with_bindings(&[("in_values", Read), ("out_values", Read)]), "out_values is declared as Read"),
+        (with_push(None), "push constants are not declared"),
+        (with_push(Some(PushLayout::of::<Swapped>())), "field 0 is count in GLSL and amount in Rust"),
+        (with_push(Some(PushLayout::of::<Shifted>())), "GLSL has 2 fields and Rust 3"),
+        (with_push(Some(PushLayout { size: 132, fields: &[] })), "132 bytes"),
+        (PassDeclaration { push: Some(PushLayout::of::<AddPush>()), ..ITEMS }, "the shader does not use them"),
+        (with_structs(PADDED), "struct Item: its array stride is 24 in GLSL and 28 in Rust"),
+        (with_structs(LONGER), "struct Item: its array stride is 24 in GLSL and 28 in Rust"),
+        (with_structs(UNKNOWN), "struct Thing is declared and no used buffer holds it"),
+    ];
+    let gpu = open();
+    for (declaration, says) in cases {
+        let error = gpu.pass(&declaration, &[]).unwrap_err();
+        assert!(matches!(&error, Error::Internal(_)), "{error}");
+        let text = error.to_string();
+        assert!(text.contains(says) && text.contains(declaration.name), "{text}, not: {says}");
+    }
+    assert!(gpu.pass(&ADD, &[(3, 1)]).unwrap_err().to_string().contains("no specialization constant 3"));
+    clean(gpu);
+}
+
+#[test]
+fn dispatches_that_do_not_fit_their_pass_are_named() {
+    let gpu = open();
+    {
+        let (add, blur) = (gpu.pass(&ADD, &[]).unwrap(), gpu.pass(&BLUR, &[]).unwrap());
+        let sample = gpu.pass(&SAMPLE, &[]).unwrap();
+        let buffer = gpu.buffer("buffer", 16).unwrap();
+        let wrong_format = gpu.image("wrong", [4, 4], 1, 1, Format::Rgba32f).unwrap();
+        let layered = gpu.image("layered", [4, 4], 2, 1, Format::Rgba16f).unwrap();
+        let mut frame = gpu.frame().unwrap();
+        let push = AddPush::default();
+        let says = |result: iprt::Result<()>, text: &str| {
+            let error = result.unwrap_err().to_string();
+            assert!(error.contains(text), "{error}, not: {text}");
+        };
+        let one = Threads::Size([1, 1, 1]);
+        let (b, w, l) = (|| Bind::from(&buffer), || Bind::from(&wrong_format), || Bind::from(&layered));
+        says(frame.dispatch(&add, &[("in_values", b())], &push, one), "out_values is not given");
+        says(frame.dispatch(&add, &[("x", b())], &push, one), "no binding x");
+        says(frame.dispatch(&add, &[("in_values", b()), ("in_values", b())], &push, one), "given twice");
+        says(frame.dispatch(&add, &[("in_values", b()), ("out_values", w())], &push, one), "out_values takes a buffer");
+        let good = [("in_values", b()), ("out_values", b())];
+        says(frame.dispatch(&add, &good, &(), one), "not its push constants");
+        says(frame.dispatch(&add, &good, &push, Threads::Size([u32::MAX, 1, 1])), "workgroups");
+        says(frame.dispatch(&blur, &[("in_level", w()), ("out_level", l())], &(), one), "in_level is Rgba16f in GLSL");
+        says(frame.dispatch(&blur, &[("in_level", layered.level(1)), ("out_level", l())], &(), one), "no such level");
+        let binds = [("in_panorama", l()), ("out_samples", w()), ("out_count", w())];
+        says(frame.dispatch(&sample, &binds, &(), one), "in_panorama has no layers in GLSL");
+        frame.dispatch(&add, &good, &push, one).unwrap();
+        assert!(frame.submit().unwrap_err().to_string().contains("add binds buffer twice"));
+    }
+    clean(gpu);
+}
+
+#[test]
+fn sizes_beyond_the_device_are_input_errors() {
+    let gpu = open();
+    for result in [
+        gpu.image("wide", [1 << 30, 1], 1, 1, Format::R32f).map(|_| ()),
+        gpu.image("none", [0, 1], 1, 1, Format::R32f).map(|_| ()),
+        gpu.buffer("vast", u64::MAX / 2).map(|_| ()),
+    ] {
+        assert_eq!(result.unwrap_err().exit_code(), 2);
+    }
+    clean(gpu);
+}
+
+#[test]
+fn a_device_that_does_not_exist_is_no_device() {
+    for device in ["no such device", "4711"] {
+        let options = GpuOptions { device: Some(device.into()), validation: false };
+        let error = Gpu::new(&options).err().unwrap();
+        assert!(matches!(error, Error::NoDevice { .. }), "{error}");
+        assert_eq!(error.exit_code(), 3);
+        assert!(error.to_string().contains(device), "{error}");
+    }
+}
