@@ -4,8 +4,11 @@
 
 use super::furniture::{self, Upholstery, place};
 use super::kit::{Builder, Part, block, quad};
-use super::{Room, View, objects, textures};
+use super::{Room, objects, textures};
+use crate::scene::animation::Track;
+use crate::scene::camera::{Aim, CameraTrack};
 use glam::{Affine3A, Vec2, Vec3, vec2, vec3};
+use std::sync::Arc;
 
 const MIN: Vec3 = vec3(-2.4, 0.0, -3.0);
 const MAX: Vec3 = vec3(2.6, 2.7, 1.5);
@@ -18,14 +21,17 @@ pub fn apartment() -> Room {
     shell(&mut b);
     window(&mut b);
     furnish(&mut b);
+    let capture_position = vec3(0.0, 1.4, 0.0);
     Room {
         name: "apartment",
-        mesh: b.mesh,
-        materials: b.materials,
-        textures: b.textures,
-        capture_position: vec3(0.0, 1.4, 0.0),
+        model: Arc::new(b.model("apartment")),
+        capture_position,
         objects: objects::apartment(),
-        view: View { position: vec3(0.0, 1.4, 0.0), look_at: vec3(-0.02, 0.68, -1.9), fov_y: 70.0, size: [1280, 720] },
+        camera: CameraTrack {
+            aim: Aim::LookAt(Track::constant(vec3(-0.02, 0.68, -1.9))),
+            fov_y_degrees: Track::constant(70.0),
+            ..CameraTrack::at_point(capture_position)
+        },
     }
 }
 

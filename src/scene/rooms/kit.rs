@@ -1,7 +1,8 @@
 //! The modelling kit of the built-in rooms: closed shapes with outward normals and texture coordinates in metres, and
 //! the builder that collects them into one mesh. Everything is a function of its arguments: same call, same bits.
 
-use super::{Material, Mesh, Texture};
+use crate::scene::material::{Material, Texture};
+use crate::scene::model::{Mesh, Model};
 use glam::{Affine3A, Mat3, Vec2, Vec3, vec2, vec3};
 use std::collections::HashMap;
 use std::f32::consts::{FRAC_PI_4, TAU};
@@ -334,12 +335,17 @@ pub fn curtain(width: f32, height: f32, folds: u32, fold: f32) -> Part {
     part
 }
 
-/// Collects parts, materials and textures.
+/// A purely diffuse material.
+pub fn lambert(name: &str, base_color: Vec3) -> Material {
+    Material { specular: 0.0, ..Material::plain(name, base_color, 1.0) }
+}
+
+/// Collects parts, materials and textures into one mesh.
 #[derive(Clone, Debug, Default)]
 pub struct Builder {
-    pub mesh: Mesh,
-    pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
+    mesh: Mesh,
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
 }
 
 impl Builder {
@@ -351,19 +357,24 @@ impl Builder {
 
     /// Pure Lambert of one linear colour.
     pub fn paint(&mut self, name: &str, color: [f32; 3]) -> u32 {
-        self.material(Material::lambert(name, color.into()))
+        self.material(lambert(name, color.into()))
+    }
+
+    /// `material` coloured by a texture.
+    pub fn textured(&mut self, material: Material, texture: Texture) -> u32 {
+        let base_color_texture = Some(self.textures.len());
+        self.textures.push(Texture { name: material.name.clone(), ..texture });
+        self.material(Material { base_color_texture, base_color: Vec3::ONE, ..material })
     }
 
     /// Pure Lambert coloured by a texture.
     pub fn painted(&mut self, name: &str, texture: Texture) -> u32 {
-        self.textures.push(texture);
-        let base_color_texture = Some(self.textures.len() - 1);
-        self.material(Material { base_color_texture, ..Material::lambert(name, Vec3::ONE) })
+        self.textured(lambert(name, Vec3::ONE), texture)
     }
 
     /// A light of the given radiance that reflects nothing.
     pub fn light(&mut self, name: &str, radiance: [f32; 3]) -> u32 {
-        self.material(Material { emissive: radiance.into(), ..Material::lambert(name, Vec3::ZERO) })
+        self.material(Material { emissive: radiance.into(), ..lambert(name, Vec3::ZERO) })
     }
 
     /// Adds a part.
@@ -373,7 +384,15 @@ impl Builder {
         self.mesh.positions.extend(part.positions);
         self.mesh.normals.extend(part.normals);
         self.mesh.uvs.extend(part.uvs);
-        self.mesh.triangle_materials.extend(part.triangles.iter().map(|_| material));
+        self.mesh.materials.extend(part.triangles.iter().map(|_| material));
         self.mesh.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + first)));
+    }
+
+    /// The finished model.
+    pub fn model(self, name: &str) -> Model {
+        let mesh = Mesh { name: name.into(), ..self.mesh };
+        let mut model = Model::from_mesh(mesh, Material::default());
+        (model.materials, model.textures) = (self.materials, self.textures);
+        model
     }
 }

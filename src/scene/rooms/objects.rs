@@ -1,31 +1,34 @@
 //! The virtual objects of the built-in rooms.
 
 use super::kit::{Builder, lathe, rounded_block, sphere, tube};
-use super::{Key, Material, Object, textures};
+use super::textures;
+use crate::scene::Object;
+use crate::scene::animation::{Placement, Track, Transform};
+use crate::scene::material::Material;
 use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3, vec2, vec3};
 use std::f32::consts::{FRAC_PI_2, TAU};
+use std::sync::Arc;
 
 /// Seconds after which the motion of the built-in scenes repeats.
-const PERIOD: f32 = 4.0;
+const PERIOD: f64 = 4.0;
 
-fn object(name: &'static str, b: Builder, translation: Vec3, turn: f32) -> Object {
+fn object(name: &str, b: Builder, translation: Vec3, turn: f32) -> Object {
+    let rotation = Quat::from_rotation_y(turn.to_radians());
     Object {
-        name,
-        mesh: b.mesh,
-        materials: b.materials,
-        textures: b.textures,
-        translation,
-        rotation: Quat::from_rotation_y(turn.to_radians()),
-        keys: Vec::new(),
+        name: name.into(),
+        model: Arc::new(b.model(name)),
+        placement: Placement::fixed(Transform { translation, rotation, scale: Vec3::ONE }),
+        clip: None,
+        speed: 1.0,
     }
 }
 
 fn metal(name: &str, color: [f32; 3], roughness: f32) -> Material {
-    Material { metallic: 1.0, roughness, specular: 1.0, ..Material::lambert(name, color.into()) }
+    Material { metallic: 1.0, ..Material::plain(name, color.into(), roughness) }
 }
 
 fn glossy(name: &str, color: [f32; 3], roughness: f32) -> Material {
-    Material { roughness, specular: 1.0, ..Material::lambert(name, color.into()) }
+    Material::plain(name, color.into(), roughness)
 }
 
 /// What stands, lies and flies in the apartment.
@@ -36,14 +39,13 @@ pub fn apartment() -> Vec<Object> {
         object("mirror-ball", mirror_ball(), vec3(1.0, 0.1802, -1.62), 0.0),
         object("vase", brass_vase(), vec3(-0.16, 0.4202, -1.46), 0.0),
         object("mug", mug(), vec3(0.13, 0.4202, -1.30), -50.0),
-        Object { keys: flight(), ..object("plane", plane(), flight()[0].translation, 0.0) },
+        Object { placement: flight(), ..object("plane", plane(), Vec3::ZERO, 0.0) },
     ]
 }
 
 fn ball() -> Builder {
     let mut b = Builder::default();
     let skin = b.painted("basketball", textures::basketball());
-    b.materials[skin as usize] = Material { roughness: 1.0, ..b.materials[skin as usize].clone() };
     let tilt = Affine3A::from_quat(Quat::from_euler(EulerRot::XYZ, 0.5, 0.3, 0.35));
     b.add(sphere(0.119, 48), tilt, skin);
     b
@@ -108,8 +110,7 @@ fn mug() -> Builder {
 fn stool() -> Builder {
     let mut b = Builder::default();
     let wood = textures::wood(vec3(0.30, 0.13, 0.05), vec3(0.50, 0.26, 0.11), 23);
-    let wood = b.painted("varnished wood", wood);
-    b.materials[wood as usize] = Material { roughness: 0.45, specular: 0.5, ..b.materials[wood as usize].clone() };
+    let wood = b.textured(glossy("varnished wood", [1.0; 3], 0.45), wood);
     let seat = [
         (0.0, 0.425),
         (0.145, 0.425),
@@ -165,18 +166,21 @@ fn plane() -> Builder {
 }
 
 /// One round above the coffee table, banked into the turn.
-fn flight() -> Vec<Key> {
+fn flight() -> Placement {
     const KEYS: usize = 24;
-    (0..=KEYS)
-        .map(|i| {
-            let angle = TAU * i as f32 / KEYS as f32 + 0.9;
-            let (sin, cos) = angle.sin_cos();
-            let translation = vec3(0.15 + 0.72 * cos, 1.12 + 0.12 * (2.0 * angle).sin(), -1.72 - 0.52 * sin);
-            let velocity = vec3(-0.72 * sin, 0.24 * (2.0 * angle).cos(), -0.52 * cos);
-            let yaw = f32::atan2(-velocity.x, -velocity.z);
-            let pitch = (velocity.y / velocity.length()).asin();
-            let rotation = Quat::from_euler(EulerRot::YXZ, yaw, pitch, 0.45);
-            Key { time: PERIOD * i as f32 / KEYS as f32, translation, rotation }
-        })
-        .collect()
+    let at = |i: usize| {
+        let (sin, cos) = (TAU * i as f32 / KEYS as f32 + 0.9).sin_cos();
+        let sway = 2.0 * sin * cos; // of twice the angle
+        let position = vec3(0.15 + 0.72 * cos, 1.12 + 0.12 * sway, -1.72 - 0.52 * sin);
+        let velocity = vec3(-0.72 * sin, 0.24 * (cos * cos - sin * sin), -0.52 * cos);
+        let yaw = f32::atan2(-velocity.x, -velocity.z);
+        let pitch = (velocity.y / velocity.length()).asin();
+        (position, Quat::from_euler(EulerRot::YXZ, yaw, pitch, 0.45))
+    };
+    let time = |i: usize| PERIOD * i as f64 / KEYS as f64;
+    Placement {
+        translation: Track::from_keys((0..=KEYS).map(|i| (time(i), at(i % KEYS).0)).collect(), Vec3::ZERO),
+        rotation: Track::from_keys((0..=KEYS).map(|i| (time(i), at(i % KEYS).1)).collect(), Quat::IDENTITY),
+        scale: Track::constant(Vec3::ONE),
+    }
 }

@@ -1,6 +1,7 @@
 //! What every built-in room promises: closed, facing inwards, purely diffuse, nothing that flickers.
 
-use super::{Mesh, Room, apartment};
+use super::{Room, apartment};
+use crate::scene::model::Mesh;
 use glam::{Vec3, Vec3A};
 use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2_from_tris, ray::Ray, ray::RayHit, triangle::Triangle};
 use std::time::Duration;
@@ -10,15 +11,15 @@ fn corners(mesh: &Mesh, i: usize) -> [Vec3; 3] {
 }
 
 fn meshes(room: &Room) -> Vec<(&str, &Mesh)> {
-    let objects = room.objects.iter().map(|o| (o.name, &o.mesh));
-    std::iter::once((room.name, &room.mesh)).chain(objects).collect()
+    let objects = room.objects.iter().map(|o| (o.name.as_str(), &o.model.meshes[0]));
+    std::iter::once((room.name, &room.model.meshes[0])).chain(objects).collect()
 }
 
 #[test]
 fn every_direction_hits_a_front_face() {
     let room = apartment();
-    let tris: Vec<Triangle> = (0..room.mesh.triangles.len())
-        .map(|i| corners(&room.mesh, i).map(Vec3A::from))
+    let tris: Vec<Triangle> = (0..room.model.meshes[0].triangles.len())
+        .map(|i| corners(&room.model.meshes[0], i).map(Vec3A::from))
         .map(|[v0, v1, v2]| Triangle { v0, v1, v2 })
         .collect();
     let bvh = build_bvh2_from_tris(&tris, BvhBuildParams::fast_build(), &mut Duration::default());
@@ -35,9 +36,9 @@ fn every_direction_hits_a_front_face() {
             });
             assert!(found && hit.t < 6.0, "a gap at {direction} from {origin}");
             let triangle = bvh.primitive_indices[hit.primitive_id as usize] as usize;
-            let [a, b, c] = corners(&room.mesh, triangle);
+            let [a, b, c] = corners(&room.model.meshes[0], triangle);
             if (b - a).cross(c - a).dot(direction) >= 0.0 {
-                let name = &room.materials[room.mesh.triangle_materials[triangle] as usize].name;
+                let name = &room.model.materials[room.model.meshes[0].materials[triangle] as usize].name;
                 let entry = backs.entry(name.clone()).or_default();
                 *entry = (entry.0 + 1, origin + direction * hit.t);
             }
@@ -52,7 +53,7 @@ fn meshes_are_well_formed() {
     for (name, mesh) in meshes(&room) {
         assert_eq!(mesh.positions.len(), mesh.normals.len(), "{name}");
         assert_eq!(mesh.positions.len(), mesh.uvs.len(), "{name}");
-        assert_eq!(mesh.triangles.len(), mesh.triangle_materials.len(), "{name}");
+        assert_eq!(mesh.triangles.len(), mesh.materials.len(), "{name}");
         for i in 0..mesh.triangles.len() {
             let [a, b, c] = corners(mesh, i);
             let face = (b - a).cross(c - a);
@@ -67,12 +68,16 @@ fn meshes_are_well_formed() {
             }
         }
     }
-    assert!((2_000..25_000).contains(&room.mesh.triangles.len()), "{} triangles", room.mesh.triangles.len());
+    assert!(
+        (2_000..25_000).contains(&room.model.meshes[0].triangles.len()),
+        "{} triangles",
+        room.model.meshes[0].triangles.len()
+    );
 }
 
 #[test]
 fn what_is_real_is_diffuse() {
-    for material in apartment().materials {
+    for material in &apartment().model.materials {
         assert_eq!((material.specular, material.metallic), (0.0, 0.0), "{}", material.name);
         assert!(material.base_color.max_element() <= 1.0);
     }
@@ -102,9 +107,9 @@ fn overlap(p: [Vec3; 3], q: [Vec3; 3], normal: Vec3) -> f32 {
 #[test]
 fn no_two_faces_share_a_plane_and_a_place() {
     let room = apartment();
-    let faces: Vec<_> = (0..room.mesh.triangles.len())
+    let faces: Vec<_> = (0..room.model.meshes[0].triangles.len())
         .map(|i| {
-            let c = corners(&room.mesh, i);
+            let c = corners(&room.model.meshes[0], i);
             let low = c[0].min(c[1]).min(c[2]);
             let high = c[0].max(c[1]).max(c[2]);
             (i, c, (c[1] - c[0]).cross(c[2] - c[0]).normalize(), low, high)
@@ -125,7 +130,7 @@ fn no_two_faces_share_a_plane_and_a_place() {
                 continue;
             }
             if overlap(p, q, n) > 2e-6 {
-                let name = |t: usize| room.materials[room.mesh.triangle_materials[t] as usize].name.clone();
+                let name = |t: usize| room.model.materials[room.model.meshes[0].materials[t] as usize].name.clone();
                 found.push((name(i), name(j), (low + high) * 0.5, n));
             }
         }
@@ -136,18 +141,16 @@ fn no_two_faces_share_a_plane_and_a_place() {
 
 #[test]
 fn moving_objects_come_back() {
-    for object in apartment().objects.iter().filter(|o| !o.keys.is_empty()) {
-        let (first, last) = (object.keys[0], object.keys[object.keys.len() - 1]);
-        assert!(
-            first.translation.distance(last.translation) < 1e-4 && first.rotation.angle_between(last.rotation) < 1e-2
-        );
-        assert!(object.keys.windows(2).all(|w| w[0].time < w[1].time));
+    let room = apartment();
+    let moving: Vec<_> = room.objects.iter().filter(|o| !o.placement.translation.is_constant()).collect();
+    assert!(!moving.is_empty());
+    for object in moving {
+        assert_eq!(object.placement.at(0.0), object.placement.at(4.0), "{}", object.name);
+        assert_ne!(object.placement.at(0.0), object.placement.at(1.0), "{}", object.name);
     }
 }
 
 #[test]
 fn same_call_same_bits() {
-    let (a, b) = (apartment(), apartment());
-    assert_eq!(a.mesh.positions, b.mesh.positions);
-    assert!(a.textures.iter().zip(&b.textures).all(|(s, t)| s.texels == t.texels));
+    assert!(apartment().model == apartment().model);
 }

@@ -1,7 +1,8 @@
 //! Procedural textures, painted in linear colour and stored as sRGB texels.
 
-use super::Texture;
 use super::kit::hash;
+use crate::scene::material::{Encoding, Texture, Wrap};
+use crate::scene::mips::linear_to_srgb;
 use glam::{Vec2, Vec3, vec2, vec3};
 use std::f32::consts::{PI, TAU};
 
@@ -34,11 +35,7 @@ fn smoothstep(a: f32, b: f32, x: f32) -> f32 {
 
 /// Calls `color` with the texel centres in 0..1, v down.
 fn painted(size: [u32; 2], color: impl Fn(Vec2) -> Vec3) -> Texture {
-    let encode = |x: f32| {
-        let x = x.clamp(0.0, 1.0);
-        let y = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-        (y * 255.0 + 0.5) as u8
-    };
+    let encode = |x: f32| (linear_to_srgb(x.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8;
     let mut texels = Vec::with_capacity((size[0] * size[1]) as usize);
     for j in 0..size[1] {
         for i in 0..size[0] {
@@ -46,7 +43,8 @@ fn painted(size: [u32; 2], color: impl Fn(Vec2) -> Vec3) -> Texture {
             texels.push([encode(c.x), encode(c.y), encode(c.z), 255]);
         }
     }
-    Texture::srgb(size, texels)
+    let wrap = [Wrap::Repeat; 2];
+    Texture { name: String::new(), size, texels, encoding: Encoding::Srgb, wrap, nearest: false }
 }
 
 /// Oak planks running along u: 16 rows, each of two planks, for a floor tile of 2.4 m × 2.4 m.
