@@ -8,6 +8,7 @@ pub mod image_file;
 pub mod measure;
 pub mod panorama;
 pub mod passes;
+pub mod reference;
 pub mod renderer;
 pub mod scene;
 pub mod settings;

@@ -14,6 +14,7 @@ pub mod mips;
 pub mod model;
 pub mod pack;
 pub mod packed;
+pub mod rooms;
 pub mod shapes;
 pub mod state;
 

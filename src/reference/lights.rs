@@ -1,0 +1,144 @@
+//! The triangles that shine, in a table from which one is drawn by area × luminance.
+
+use crate::{
+    gpu_struct,
+    scene::packed::{Instance, PackedInstances, PackedScene},
+};
+use glam::{Vec3, vec3};
+
+gpu_struct! {
+    /// `Light` in `path_trace.comp`. `below`: the probability of all lights before this one.
+    pub struct Light { pub instance: u32, pub triangle: u32, pub below: f32, pub padding: u32 }
+}
+
+/// All lights of a scene at one time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LightTable {
+    pub lights: Vec<Light>,
+    /// Σ area · luminance, m² · radiance; a point of a light is found with a density per area of luminance / power.
+    pub power: f64,
+}
+
+/// Collects the lights. Textured emission counts with its factor, an upper bound.
+pub fn light_table(scene: &PackedScene, state: &PackedInstances) -> LightTable {
+    let mut lights = Vec::new();
+    let mut weights = Vec::new();
+    for (index, instance) in state.instances.iter().enumerate() {
+        for triangle in triangles_below(scene, instance.root) {
+            let emissive = scene.materials[scene.shading[triangle as usize].material as usize].emissive;
+            let weight = f64::from(luminance(emissive)) * area(scene, instance, triangle);
+            if weight > 0.0 {
+                lights.push(Light { instance: index as u32, triangle, ..Default::default() });
+                weights.push(weight);
+            }
+        }
+    }
+    let power = weights.iter().sum::<f64>();
+    let mut below = 0.0;
+    for (light, weight) in lights.iter_mut().zip(&weights) {
+        light.below = (below / power) as f32;
+        below += weight;
+    }
+    LightTable { lights, power }
+}
+
+fn luminance(color: Vec3) -> f32 {
+    color.dot(vec3(0.2126, 0.7152, 0.0722))
+}
+
+/// World-space area of a triangle, m².
+fn area(scene: &PackedScene, instance: &Instance, triangle: u32) -> f64 {
+    let shape = scene.triangles[triangle as usize];
+    let world = |edge: Vec3| {
+        let row = |i: usize| Vec3::from_slice(&instance.object_to_world[i]).as_dvec3().dot(edge.as_dvec3());
+        glam::dvec3(row(0), row(1), row(2))
+    };
+    0.5 * world(shape.e1).cross(world(shape.e2)).length()
+}
+
+/// The triangles of the bottom level under `root`, ascending.
+fn triangles_below(scene: &PackedScene, root: u32) -> Vec<u32> {
+    let mut found = Vec::new();
+    let mut stack = vec![root];
+    while let Some(index) = stack.pop() {
+        let node = scene.nodes[index as usize];
+        for (child, count, empty) in [
+            (node.child0, node.count0, node.min0.x > node.max0.x),
+            (node.child1, node.count1, node.min1.x > node.max1.x),
+        ] {
+            if count > 0 {
+                found.extend(child..child + count);
+            } else if !empty {
+                stack.push(child);
+            }
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::packed::{BvhNode, Material, TriangleGeometry, TriangleShading};
+
+    /// Triangles of these legs (area ½ leg²), each of its own material that shines with `radiance`.
+    fn scene(triangles: &[(f32, f32)]) -> (PackedScene, PackedInstances) {
+        let count = triangles.len() as u32;
+        let scene = PackedScene {
+            triangles: triangles
+                .iter()
+                .map(|(leg, _)| TriangleGeometry { v0: Vec3::ZERO, e1: Vec3::X * *leg, e2: Vec3::Y * *leg })
+                .collect(),
+            shading: (0..count).map(|material| TriangleShading { material, ..Default::default() }).collect(),
+            materials: triangles
+                .iter()
+                .map(|(_, radiance)| Material { emissive: Vec3::splat(*radiance), ..Default::default() })
+                .collect(),
+            nodes: vec![BvhNode {
+                min0: Vec3::ZERO,
+                max0: Vec3::ONE,
+                child0: 0,
+                count0: count,
+                min1: Vec3::INFINITY,
+                max1: Vec3::NEG_INFINITY,
+                child1: u32::MAX,
+                count1: 0,
+            }],
+            ..Default::default()
+        };
+        let mut instance = Instance::default();
+        for axis in 0..3 {
+            instance.object_to_world[axis][axis] = 1.0;
+        }
+        (scene, PackedInstances { instances: vec![instance], nodes: Vec::new() })
+    }
+
+    #[test]
+    fn drawn_by_area_and_luminance() {
+        let triangles = [(1.0, 3.0), (2.0, 0.0), (0.5, 40.0), (3.0, 0.25), (0.1, 7.0)];
+        let (scene, state) = scene(&triangles);
+        let table = light_table(&scene, &state);
+        assert_eq!(table.lights.iter().map(|l| l.triangle).collect::<Vec<_>>(), [0, 2, 3, 4]);
+        let weight = |i: u32| f64::from(triangles[i as usize].0.powi(2) * 0.5 * triangles[i as usize].1);
+        let power: f64 = (0..5).map(weight).sum();
+        assert!((table.power / power - 1.0).abs() < 1e-5);
+        let ends = table.lights.iter().skip(1).map(|l| l.below).chain([1.0]);
+        for (light, end) in table.lights.iter().zip(ends) {
+            let share = f64::from(end - light.below);
+            assert!((share - weight(light.triangle) / power).abs() < 1e-6, "{}: {share}", light.triangle);
+        }
+    }
+
+    #[test]
+    fn scale_counts_and_darkness_is_empty() {
+        let (mut dark, state) = scene(&[(1.0, 0.0)]);
+        assert_eq!(light_table(&dark, &state), LightTable::default());
+        dark.materials[0].emissive = Vec3::ONE;
+        let mut larger = state;
+        for axis in 0..3 {
+            larger.instances[0].object_to_world[axis][axis] = 2.0;
+        }
+        assert!((light_table(&dark, &larger).power - 2.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,174 @@
+//! Procedural textures, painted in linear colour and stored as sRGB texels.
+
+use super::kit::hash;
+use crate::scene::material::{Encoding, Texture, Wrap};
+use crate::scene::mips::linear_to_srgb;
+use glam::{Vec2, Vec3, vec2, vec3};
+use std::f32::consts::{PI, TAU};
+
+/// Value noise on a lattice that repeats every `period` cells, 0..1.
+fn noise(p: Vec2, period: [i32; 2], seed: u32) -> f32 {
+    let cell = p.floor();
+    let t = p - cell;
+    let t = t * t * (Vec2::splat(3.0) - 2.0 * t);
+    let (i, j) = (cell.x as i32, cell.y as i32);
+    let at = |i: i32, j: i32| hash(i.rem_euclid(period[0]), j.rem_euclid(period[1]), seed);
+    let low = at(i, j) + (at(i + 1, j) - at(i, j)) * t.x;
+    let high = at(i, j + 1) + (at(i + 1, j + 1) - at(i, j + 1)) * t.x;
+    low + (high - low) * t.y
+}
+
+/// Three octaves of [`noise`] over `uv` in 0..1, the first with `cells` cells; it tiles.
+fn clouds(uv: Vec2, cells: [i32; 2], seed: u32) -> f32 {
+    (0..3)
+        .map(|k| {
+            let period = cells.map(|c| c << k);
+            noise(uv * vec2(period[0] as f32, period[1] as f32), period, seed + k) * 0.5f32.powi(k as i32 + 1) / 0.875
+        })
+        .sum()
+}
+
+fn smoothstep(a: f32, b: f32, x: f32) -> f32 {
+    let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Calls `color` with the texel centres in 0..1, v down.
+fn painted(size: [u32; 2], color: impl Fn(Vec2) -> Vec3) -> Texture {
+    let encode = |x: f32| (linear_to_srgb(x.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8;
+    let mut texels = Vec::with_capacity((size[0] * size[1]) as usize);
+    for j in 0..size[1] {
+        for i in 0..size[0] {
+            let c = color(vec2((i as f32 + 0.5) / size[0] as f32, (j as f32 + 0.5) / size[1] as f32));
+            texels.push([encode(c.x), encode(c.y), encode(c.z), 255]);
+        }
+    }
+    let wrap = [Wrap::Repeat; 2];
+    Texture { name: String::new(), size, texels, encoding: Encoding::Srgb, wrap, nearest: false }
+}
+
+/// Oak planks running along u: 16 rows, each of two planks, for a floor tile of 2.4 m × 2.4 m.
+pub fn planks() -> Texture {
+    painted([1024, 1024], |uv| {
+        let row = (uv.y * 16.0).floor();
+        let shift = hash(row as i32, 0, 11);
+        let along = (uv.x + shift) * 2.0;
+        let plank = (along.floor() as i32).rem_euclid(2);
+        let tone = hash(row as i32, plank, 12);
+        let grain = clouds(vec2(uv.x + tone, uv.y), [8, 192], 13);
+        let rings = clouds(vec2(uv.x, uv.y + tone), [3, 40], 17);
+        let base = vec3(0.34, 0.19, 0.09).lerp(vec3(0.56, 0.36, 0.20), tone);
+        let edge = (uv.y * 16.0).fract().min(1.0 - (uv.y * 16.0).fract()) * 0.15; // metres to the joint
+        let end = along.fract().min(1.0 - along.fract()) * 1.2;
+        let joint = smoothstep(0.001, 0.006, edge.min(end));
+        base * (0.72 + 0.34 * grain + 0.22 * rings) * (0.3 + 0.7 * joint)
+    })
+}
+
+/// Fine-grained wood in one piece, grain along u.
+pub fn wood(dark: Vec3, light: Vec3, seed: u32) -> Texture {
+    painted([256, 256], |uv| {
+        let warp = clouds(uv, [2, 3], seed);
+        let rings = 0.5 + 0.5 * ((uv.y * 5.0 + warp * 2.0) * TAU).sin();
+        let grain = clouds(uv, [6, 96], seed + 5);
+        dark.lerp(light, (0.35 * rings + 0.65 * grain).clamp(0.0, 1.0))
+    })
+}
+
+/// Woven cloth.
+pub fn cloth(color: Vec3, seed: u32) -> Texture {
+    painted([128, 128], |uv| {
+        let weave = 0.5 + 0.25 * ((uv.x * 32.0 * TAU).sin() + (uv.y * 32.0 * TAU).sin());
+        color * (0.72 + 0.22 * weave + 0.22 * clouds(uv, [16, 16], seed))
+    })
+}
+
+/// A rug of 3:2, with border bands and a lozenge field.
+pub fn rug() -> Texture {
+    painted([768, 512], |uv| {
+        let p = vec2(uv.x * 3.0, uv.y * 2.0);
+        let edge = p.x.min(3.0 - p.x).min(p.y).min(2.0 - p.y);
+        let (cream, red, navy, ochre) =
+            (vec3(0.66, 0.58, 0.44), vec3(0.36, 0.075, 0.055), vec3(0.045, 0.07, 0.16), vec3(0.55, 0.32, 0.08));
+        let color = if edge < 0.06 {
+            navy
+        } else if edge < 0.24 {
+            let t = (p.x + p.y) * 6.0;
+            if (t.fract() - 0.5).abs() < 0.22 { ochre } else { red * 0.8 }
+        } else if edge < 0.29 {
+            cream
+        } else {
+            let q = vec2((p.x * 2.5).fract() - 0.5, (p.y * 2.5).fract() - 0.5).abs();
+            let d = q.x + q.y;
+            let centre = (vec2(p.x - 1.5, p.y - 1.0).abs() * vec2(0.75, 1.1)).dot(Vec2::ONE);
+            if (0.5..0.56).contains(&centre) {
+                cream
+            } else if d < 0.12 {
+                ochre
+            } else if d < 0.3 {
+                if centre < 0.5 { red } else { navy }
+            } else if d < 0.36 {
+                cream
+            } else if centre < 0.5 {
+                navy
+            } else {
+                red
+            }
+        };
+        color * (0.72 + 0.5 * clouds(uv, [192, 128], 31))
+    })
+}
+
+/// Pictures for the walls: 0 hills at dusk, 1 overlapping discs, 2 colour fields; on a cream mount.
+pub fn picture(kind: u32) -> Texture {
+    painted([256, 320], |uv| {
+        let margin = uv.x.min(1.0 - uv.x).min(uv.y.min(1.0 - uv.y) * 1.25);
+        if margin < 0.12 {
+            return vec3(0.78, 0.75, 0.68);
+        }
+        let p = vec2((uv.x - 0.12) / 0.76, (uv.y - 0.096) / 0.808);
+        match kind {
+            0 => {
+                let sky = vec3(0.85, 0.42, 0.16).lerp(vec3(0.10, 0.16, 0.38), (1.0 - p.y * 1.4).clamp(0.0, 1.0));
+                let sky = if p.distance(vec2(0.65, 0.42)) < 0.09 { vec3(0.95, 0.78, 0.42) } else { sky };
+                (0..4).fold(sky, |color, k| {
+                    let k = k as f32;
+                    let line = 0.48
+                        + 0.12 * k
+                        + 0.07 * (p.x * (4.0 + 2.0 * k) + 2.1 * k).sin()
+                        + 0.03 * (p.x * 17.0 + k).sin();
+                    if p.y > line { vec3(0.16, 0.20, 0.30).lerp(vec3(0.02, 0.05, 0.04), k / 3.0) } else { color }
+                })
+            }
+            1 => {
+                let discs = [
+                    (vec2(0.38, 0.36), 0.28, vec3(0.80, 0.22, 0.10)),
+                    (vec2(0.66, 0.55), 0.25, vec3(0.08, 0.30, 0.42)),
+                    (vec2(0.36, 0.72), 0.18, vec3(0.82, 0.60, 0.14)),
+                ];
+                discs.iter().fold(vec3(0.70, 0.66, 0.58), |color, &(centre, radius, ink)| {
+                    let d = (p - centre) * vec2(1.0, 1.25);
+                    if d.length() < radius { color * ink * 1.3 } else { color }
+                })
+            }
+            _ => {
+                let band = (p.y * 3.0 + 0.25 * (p.x * PI).sin()).floor() as i32;
+                let inks =
+                    [vec3(0.10, 0.35, 0.33), vec3(0.72, 0.58, 0.30), vec3(0.55, 0.14, 0.12), vec3(0.10, 0.10, 0.14)];
+                inks[band.clamp(0, 3) as usize] * (0.75 + 0.4 * clouds(p, [10, 30], 41))
+            }
+        }
+    })
+}
+
+/// A basketball's skin on a globe map.
+pub fn basketball() -> Texture {
+    painted([512, 256], |uv| {
+        let (phi, theta) = (uv.x * TAU, uv.y * PI);
+        let d = vec3(theta.sin() * phi.sin(), theta.cos(), theta.sin() * phi.cos());
+        let line = d.x.abs().min(d.y.abs()).min((d.z.abs() - 0.52 - 0.42 * d.y * d.y).abs() * 0.8);
+        let pebbles = clouds(uv, [128, 64], 51);
+        let skin = vec3(0.62, 0.205, 0.055) * (0.75 + 0.4 * pebbles);
+        vec3(0.03, 0.025, 0.02).lerp(skin, smoothstep(0.018, 0.03, line))
+    })
+}

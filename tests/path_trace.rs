@@ -1,0 +1,186 @@
+//! Scene truth against closed forms, and the captured panorama against the room it was taken in.
+
+use glam::{Quat, Vec3, vec3};
+use iprt::{
+    gpu::{Gpu, GpuOptions},
+    passes::view::Viewpoint,
+    reference::{
+        capture::{COLOR_FILE, CaptureSettings, capture, capture_cached},
+        path_trace::{PathSettings, PathTracer, Sums},
+    },
+    scene::{
+        Object, Scene,
+        animation::{Placement, Transform},
+        camera::CameraTrack,
+        file::RenderSettings,
+        material::Material,
+        model::{Mesh, Model},
+        shapes::Shape,
+    },
+};
+use std::sync::Arc;
+
+fn open() -> Gpu {
+    let device = std::env::var("IPRT_DEVICE").ok();
+    Gpu::new(&GpuOptions { device, validation: true }).expect("tests need a Vulkan device and the validation layer")
+}
+
+/// Destroys the device and demands that validation had nothing to say.
+fn close(gpu: Gpu) {
+    let messages = gpu.destroy().expect("nothing holds the device");
+    assert!(messages.is_empty(), "{messages:#?}");
+}
+
+fn lambert(albedo: f32, emissive: f32) -> Material {
+    let material = Material::plain("lambert", Vec3::splat(albedo), 1.0);
+    Material { specular: 0.0, emissive: Vec3::splat(emissive), ..material }
+}
+
+fn object(mesh: Mesh, material: Material, translation: Vec3) -> Object {
+    Object {
+        name: mesh.name.clone(),
+        model: Arc::new(Model::from_mesh(mesh, material)),
+        placement: Placement::fixed(Transform { translation, ..Transform::IDENTITY }),
+        clip: None,
+        speed: 1.0,
+    }
+}
+
+fn trace(gpu: &Gpu, objects: Vec<Object>, viewpoint: &Viewpoint, settings: &PathSettings, samples: u32) -> Sums {
+    let panorama = iprt::panorama::source::PanoramaSource::from_frames(
+        vec![iprt::panorama::source::PanoramaFrame {
+            color_size: [1, 1],
+            radiance: vec![[0.0; 4]],
+            depth_size: [1, 1],
+            depth: vec![0.0],
+            ..Default::default()
+        }],
+        30.0,
+        Vec3::ZERO,
+        0.0,
+    )
+    .expect("one texel");
+    let camera = CameraTrack::at_point(Vec3::ZERO);
+    let scene = Scene::assemble("test", panorama, camera, objects, RenderSettings::default()).expect("a good scene");
+    let state = scene.at(0.0, 0.0);
+    let mut tracer =
+        PathTracer::new(gpu, &scene.packed, &state.instances, Vec3::ZERO, viewpoint, settings).expect("fits");
+    for _ in 0..samples {
+        tracer.sample().expect("runs");
+    }
+    tracer.read().expect("reads")
+}
+
+/// Mean of the green channel.
+fn mean(sums: &Sums) -> f32 {
+    let radiance = sums.radiance();
+    assert!(radiance.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
+    radiance.iter().map(|c| c[1]).sum::<f32>() / radiance.len() as f32
+}
+
+const SMALL: PathSettings = PathSettings { size: [32, 16], seed: 3, bounces: 64, roulette: 2 };
+
+#[test]
+fn white_furnace() {
+    let gpu = open();
+    let view = Viewpoint::equirect(vec3(0.1, 0.2, -0.1), Quat::IDENTITY);
+    // All walls shine with 1 and reflect half: L = 1 / (1 − ½).
+    let walls = || object(Shape::Box.mesh(vec3(3.0, 2.0, 4.0)), lambert(0.5, 1.0), Vec3::ZERO);
+    let sums = trace(&gpu, vec![walls()], &view, &SMALL, 64);
+    assert!((mean(&sums) - 2.0).abs() < 0.01, "{}", mean(&sums));
+    // In a black furnace of radiance 1 whatever absorbs nothing shows 1 too, whichever way its lobes are sampled.
+    for (metallic, roughness) in [(1.0, 0.0), (1.0, 0.2), (1.0, 0.6), (0.0, 0.3)] {
+        let walls = object(Shape::Box.mesh(Vec3::splat(4.0)), lambert(0.0, 1.0), Vec3::ZERO);
+        let white = Material { metallic, ..Material::plain("white", Vec3::ONE, roughness) };
+        let ball = object(Shape::Sphere.mesh(Vec3::ONE), white, vec3(0.0, 0.0, -1.2));
+        let view = Viewpoint::perspective(Vec3::ZERO, Quat::IDENTITY, 30.0, [16, 16]);
+        let sums = trace(&gpu, vec![walls, ball], &view, &PathSettings { size: [16, 16], ..SMALL }, 64);
+        assert!((mean(&sums) - 1.0).abs() < 0.02, "metallic {metallic}, roughness {roughness}: {}", mean(&sums));
+    }
+    close(gpu);
+}
+
+#[test]
+fn direct_light_of_a_square() {
+    let gpu = open();
+    // Straight below the middle of a square lamp of side 2a at height h: E = 4 · L · (A/√(1+A²)) · atan(A/√(1+A²)), A = a/h.
+    for side in [2.0f32, 0.02] {
+        let radiance = 4.0 / (side * side);
+        let floor = object(Shape::Plane.mesh(vec3(20.0, 1.0, 20.0)), lambert(0.8, 0.0), vec3(0.0, -1.0, 0.0));
+        let lamp = object(Shape::Plane.mesh(vec3(side, 1.0, side)), lambert(0.0, radiance), vec3(0.0, 1.0, 0.0));
+        let a = 0.5 * side / 2.0;
+        let s = a / (1.0 + a * a).sqrt();
+        let expected = 0.8 / std::f32::consts::PI * radiance * 4.0 * s * s.atan();
+        let down = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
+        let view = Viewpoint::perspective(vec3(0.0, -0.5, 0.0), down, 1.0, [8, 8]);
+        let settings = PathSettings { size: [8, 8], bounces: 1, ..SMALL };
+        let found = mean(&trace(&gpu, vec![floor, lamp], &view, &settings, 64));
+        assert!((found / expected - 1.0).abs() < 0.01, "side {side}: {found} instead of {expected}");
+    }
+    close(gpu);
+}
+
+#[test]
+fn a_lamp_in_a_rough_mirror_is_the_same_by_both_ways_of_sampling() {
+    // The reflected lamp's energy does not depend on the number of lamps it is cut into nor on a decoy that takes most of
+    // the light samples; both only shift weight between light and lobe sampling.
+    let gpu = open();
+    let picture = |decoy: bool| {
+        let mirror = Material { metallic: 1.0, ..Material::plain("metal", Vec3::ONE, 0.35) };
+        let floor = object(Shape::Plane.mesh(vec3(6.0, 1.0, 6.0)), mirror, vec3(0.0, -1.0, 0.0));
+        let lamp = object(Shape::Sphere.mesh(Vec3::splat(0.6)), lambert(0.0, 5.0), vec3(0.0, 0.3, -2.0));
+        let mut objects = vec![floor, lamp];
+        if decoy {
+            // bright, but behind the floor
+            objects.push(object(Shape::Sphere.mesh(Vec3::splat(0.6)), lambert(0.0, 500.0), vec3(0.0, -3.0, 0.0)));
+        }
+        let view = Viewpoint::perspective(Vec3::ZERO, Quat::from_rotation_x(-0.7), 40.0, [16, 16]);
+        mean(&trace(&gpu, objects, &view, &PathSettings { size: [16, 16], bounces: 1, ..SMALL }, 512))
+    };
+    let (plain, decoy) = (picture(false), picture(true));
+    assert!(plain > 0.05 && (plain / decoy - 1.0).abs() < 0.02, "{plain} and {decoy}");
+    close(gpu);
+}
+
+/// A box room with a shining ceiling.
+fn room() -> Model {
+    let mut model = Model::from_mesh(Shape::Box.mesh(vec3(4.0, 2.6, 3.0)), lambert(0.6, 0.0));
+    let mut lamp = lambert(0.0, 6.0);
+    lamp.name = "lamp".into();
+    model.materials.push(lamp);
+    let mesh = &mut model.meshes[0];
+    for (triangle, material) in mesh.triangles.iter().zip(&mut mesh.materials) {
+        *material = u32::from(triangle.iter().all(|v| mesh.positions[*v as usize].y > 0.0));
+    }
+    model
+}
+
+#[test]
+fn captured_depth_is_the_distance_and_the_cache_mends_itself() {
+    let gpu = open();
+    let settings = CaptureSettings { size: [64, 32], samples: 4, progress: false, ..Default::default() };
+    let position = vec3(0.5, -0.2, 0.3);
+    let frame = capture(&gpu, &room(), position, &settings).expect("captures");
+    for (i, depth) in frame.depth.iter().enumerate() {
+        let d = iprt::panorama::mapping::texel_direction(i as u32 % 64, i as u32 / 64, [64, 32]).as_vec3();
+        let to_walls = (vec3(2.0, 1.3, 1.5) - position * d.signum()) / d.abs();
+        assert!((depth / to_walls.min_element() - 1.0).abs() < 1e-4, "texel {i}: {depth}");
+    }
+    assert!((frame.radiance[32][1] - 6.0).abs() < 1e-4, "the lamp above is seen as it is");
+
+    let cache = tempfile::tempdir().expect("a folder");
+    let cached = || capture_cached(&gpu, &room(), position, &settings, Some(cache.path())).expect("captures");
+    let first = cached();
+    assert_eq!(first.radiance, frame.radiance, "same seed, same bits");
+    let folder = cache.path().read_dir().expect("written").next().expect("one capture").expect("readable").path();
+    let color = folder.join(COLOR_FILE);
+    let (good, written) = (std::fs::read(&color).expect("there"), color.metadata().expect("there").modified().ok());
+    assert_eq!((cached().radiance, cached().depth), (first.radiance.clone(), first.depth.clone()));
+    assert_eq!(color.metadata().expect("there").modified().ok(), written, "read, not captured again");
+    for damage in [&good[..good.len() / 2], &[]] {
+        std::fs::write(&color, damage).expect("writable");
+        assert_eq!(cached().radiance, first.radiance);
+        assert_eq!(std::fs::read(&color).expect("there"), good);
+    }
+    close(gpu);
+}
