@@ -9,7 +9,7 @@ RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" |
 
 demo: build
 	mkdir -p out
-	target/release/iprt render -o out/demo.png --timings
+	target/release/iprt render -o out/demo.png --timings 8
 
 build: setup
 	cargo build --release --locked $(SHADERC)

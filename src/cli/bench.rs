@@ -28,19 +28,19 @@ pub struct Args {
 
 /// Measures, prints the table, writes the files.
 pub fn run(args: &Args) -> Result<()> {
-    let scene = args.picture.scene()?;
-    let options = args.picture.options(&scene)?;
     let [first, last] = parse_frames(&args.frames)?;
     for path in [&args.json, &args.csv, &args.trace].into_iter().flatten() {
         super::render::require_folder(path)?;
     }
     let gpu = args.picture.device.open()?;
+    let scene = args.picture.scene(&gpu)?;
+    let options = args.picture.options(&scene)?;
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     let count = last - first + 1;
     let bar = progress(args.picture.quiet, u64::from(args.warmup) + u64::from(count), "measuring");
     let report = bench::run(&mut renderer, &scene, first, count, args.warmup, || bar.inc(1))?;
     bar.finish_and_clear();
-    print!("{}", report.table());
+    super::print(report.table().trim_end())?;
     let json = |value: serde_json::Result<Vec<u8>>| value.map_err(|e| Error::Internal(e.to_string()));
     if let Some(path) = &args.json {
         write_bytes(path, &json(serde_json::to_vec_pretty(&report))?)?;

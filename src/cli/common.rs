@@ -4,8 +4,9 @@ use crate::{
     Error, Result,
     gpu::{Gpu, GpuOptions},
     passes::view::Projection,
+    reference::capture::{CaptureSettings, built_in_scene},
     renderer::RenderOptions,
-    scene::Scene,
+    scene::{Scene, rooms},
     settings::{Method, Settings},
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -75,9 +76,9 @@ pub struct PictureArgs {
 }
 
 impl PictureArgs {
-    /// Reads the scene and shows its warnings.
-    pub fn scene(&self) -> Result<Scene> {
-        let scene = open_scene(self.scene.as_deref(), self.quiet)?;
+    /// Reads the scene and shows its warnings. A built-in room is captured on `gpu` when it is first used.
+    pub fn scene(&self, gpu: &Gpu) -> Result<Scene> {
+        let scene = open_scene(gpu, self.scene.as_deref(), self.quiet)?;
         if !self.quiet {
             for warning in &scene.warnings {
                 eprintln!("warning: {warning}");
@@ -117,8 +118,11 @@ impl PictureArgs {
 }
 
 /// The built-in scene where none is named, a built-in room by name, or a scene file.
-pub fn open_scene(name: Option<&str>, quiet: bool) -> Result<Scene> {
-let _ = quiet; let name = name.unwrap_or("apartment");
+pub fn open_scene(gpu: &Gpu, name: Option<&str>, quiet: bool) -> Result<Scene> {
+    let name = name.unwrap_or(rooms::NAMES[0]);
+    if let Some(room) = rooms::by_name(name) {
+        return built_in_scene(gpu, &room, &CaptureSettings { progress: !quiet, ..CaptureSettings::default() });
+    }
     Scene::load(Path::new(name))
 }
 

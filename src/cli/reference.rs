@@ -36,12 +36,12 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let kind = Kind::of(&args.output)?;
     require_folder(&args.output)?;
-    let scene = args.picture.scene()?;
+    let gpu = args.picture.device.open()?;
+    let scene = args.picture.scene(&gpu)?;
     let mut picture = args.picture.clone();
     picture.method = Some(Method::Reference.name().to_owned());
     let options = picture.options(&scene)?;
     let [frame, _] = parse_frames(&args.frame)?;
-    let gpu = args.picture.device.open()?;
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     check_aovs(&renderer, &args.aov)?;
     let bar = progress(args.picture.quiet, u64::from(args.spp.max(1)), "converging");

@@ -41,7 +41,10 @@ pub struct Args {
 
 /// Renders and writes.
 pub fn run(args: &Args) -> Result<()> {
-    let scene = args.picture.scene()?;
+    let kind = Kind::of(&args.output)?;
+    require_folder(&args.output)?;
+    let gpu = args.picture.device.open()?;
+    let scene = args.picture.scene(&gpu)?;
     let options = args.picture.options(&scene)?;
     let exposure = args.exposure.unwrap_or(scene.render.exposure);
     if !(exposure.is_finite() && exposure > 0.0) {
@@ -58,16 +61,13 @@ pub fn run(args: &Args) -> Result<()> {
         let problem = "one file for several frames".to_owned();
         return Err(Error::input(args.output.display(), problem, "use a pattern, for example out_%04d.png"));
     }
-    let kind = Kind::of(&args.output)?;
     if kind == Kind::Png && !args.aov.is_empty() {
         return Err(Error::input("--aov", "a PNG holds the picture alone", "write an .exr"));
     }
-    require_folder(&args.output)?;
 
     let reference = options.method == Method::Reference;
     let warmup = args.warmup.unwrap_or(if reference { 0 } else { 15 });
     let spp = if reference { args.spp.max(1) } else { 1 };
-    let gpu = args.picture.device.open()?;
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     check_aovs(&renderer, &args.aov)?;
     let bar = progress(args.picture.quiet, u64::from(warmup) + u64::from(last - first + 1) * u64::from(spp), "rendering");
@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> Result<()> {
     bar.finish_and_clear();
     if let Some(frames) = args.timings {
         let report = time(&mut renderer, &scene, last, frames)?;
-        print!("{}", report.table());
+        super::print(report.table().trim_end())?;
     }
     drop(renderer);
     args.picture.device.close(gpu)
