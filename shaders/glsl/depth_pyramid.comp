@@ -14,12 +14,33 @@ uint node(uint level, uint x, uint y) {
     return in_view.view.level_offset[level] + ((y >> 1u) * ((in_view.view.level_width[level] + 1u) >> 1u) + (x >> 1u)) * 4u + ((y & 1u) * 2u + (x & 1u));
 }
 
+// The part of an edge within `reach` of the centre, padded for the arc between two such edges.
+void include_edge(inout vec3 lo, inout vec3 hi, vec3 a, vec3 b, float reach) {
+    if (dot(a, a) > dot(b, b)) { vec3 swapped = a; a = b; b = swapped; }
+    if (dot(a, a) > reach * reach) return;
+    vec3 e = b - a;
+    float ee = dot(e, e), ae = dot(a, e), c = dot(a, a) - reach * reach;
+    float s = ee > 0.0 ? clamp((sqrt(max(ae * ae - ee * c, 0.0)) - ae) / ee, 0.0, 1.0) : 0.0;
+    vec3 end = a + e * s, pad = vec3(1e-4 * reach);
+    lo = min(lo, min(a, end) - pad);
+    hi = max(hi, max(a, end) + pad);
+}
+
 void include_triangle(inout vec3 lo, inout vec3 hi, int i0, int j0, int i1, int j1, int i2, int j2) {
     float d0 = vertex_depth(i0, j0), d1 = vertex_depth(i1, j1), d2 = vertex_depth(i2, j2);
     if (min(d0, min(d1, d2)) <= 0.0) return;
     vec3 a = vertex_direction(i0, j0) * d0, b = vertex_direction(i1, j1) * d1, c = vertex_direction(i2, j2) * d2;
-    lo = min(lo, min(a, min(b, c)));
-    hi = max(hi, max(a, max(b, c)));
+    float near = min(d0, min(d1, d2)), far = max(d0, max(d1, d2));
+    // A skirt can be hit only within `thickness` behind its nearest depth: beyond, it would be a spike across the room.
+    float reach = far > near * (1.0 + in_view.view.edge_ratio) ? near + in_view.view.thickness : FAR;
+    if (far <= reach) {
+        lo = min(lo, min(a, min(b, c)));
+        hi = max(hi, max(a, max(b, c)));
+        return;
+    }
+    include_edge(lo, hi, a, b, reach);
+    include_edge(lo, hi, b, c, reach);
+    include_edge(lo, hi, c, a, reach);
 }
 
 void main() {

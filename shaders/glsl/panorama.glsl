@@ -177,7 +177,8 @@ PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
             vec3 hi = vec3(in_pyramid.bound[b + 3u], in_pyramid.bound[b + 4u], in_pyramid.bound[b + 5u]) * inverse + shift;
             vec3 a = min(lo, hi), c = max(lo, hi);
             float enter = max(max(a.x, a.y), max(a.z, t_min)), leave = min(min(c.x, c.y), min(c.z, hit.t));
-            t[k] = enter <= leave * 1.0000004 ? enter : FAR;
+            bool empty = in_pyramid.bound[b] > in_pyramid.bound[b + 3u]; // to the slab test an inverted box is everywhere
+            t[k] = !empty && enter <= leave * 1.0000004 ? enter : FAR;
             child[k] = ((level - 1u) << 28u) | ((y * 2u + (k >> 1u)) << 14u) | (x * 2u + (k & 1u));
         }
         // farthest first, so that the nearest is popped first

@@ -237,8 +237,15 @@ pub(super) fn instance(
                 info = info.push_next(&mut settings);
             }
         }
-        let info = info.enabled_extension_names(&extensions);
-        let instance = entry.create_instance(&info, None).map_err(no_instance)?;
+        let made = match entry.create_instance(&info.enabled_extension_names(&extensions), None) {
+            // Loaders older than their layer refuse a name that the layer understands all the same.
+            Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT) if layer.is_some_and(|support| support.settings) => {
+                extensions.pop();
+                entry.create_instance(&info.enabled_extension_names(&extensions), None)
+            }
+            made => made,
+        };
+        let instance = made.map_err(no_instance)?;
         Ok((instance, labels || validation))
     }
 }

@@ -32,11 +32,21 @@ unsafe extern "system" fn on_message(
     log: *mut c_void,
 ) -> vk::Bool32 {
     // SAFETY: Vulkan passes valid message data, and `log` is the `Log` that outlives the instance.
-    let (text, log) = unsafe {
-        let text = data.as_ref().and_then(|data| data.message_as_c_str());
-        (text.map(|text| text.to_string_lossy().into_owned()), log.cast::<Log>().as_ref())
+    let (id, text, log) = unsafe {
+        let owned = |text: Option<&CStr>| text.map(|text| text.to_string_lossy().into_owned());
+        let data = data.as_ref();
+        (
+            owned(data.and_then(|data| data.message_id_name_as_c_str())),
+            owned(data.and_then(|data| data.message_as_c_str())),
+            log.cast::<Log>().as_ref(),
+        )
     };
     if let (Some(text), Some(log)) = (text, log) {
+        // Newer layers leave the identifier out of the text.
+        let text = match id {
+            Some(id) if !text.contains(&id) => format!("{id}: {text}"),
+            _ => text,
+        };
         tracing::debug!("validation: {text}"); // whoever closes the device shows them all
         log.push(text);
     }
@@ -89,10 +99,10 @@ pub(super) const FEATURES: [vk::ValidationFeatureEnableEXT; 1] =
 
 static ON: vk::Bool32 = vk::TRUE;
 
-/// Synchronization validation for layers configured by `VK_EXT_layer_settings`. Without the last one a program of
-/// compute passes alone shows no hazard at all.
-pub(super) fn settings() -> [vk::LayerSettingEXT<'static>; 3] {
-    [c"validate_sync", c"syncval_submit_time_validation", c"syncval_shader_accesses_heuristic"].map(|name| {
+/// Synchronization validation for layers configured by `VK_EXT_layer_settings`; they look across submissions unasked.
+/// Without the second a program of compute passes alone shows no hazard at all.
+pub(super) fn settings() -> [vk::LayerSettingEXT<'static>; 2] {
+    [c"validate_sync", c"syncval_shader_accesses_heuristic"].map(|name| {
         vk::LayerSettingEXT {
             value_count: 1, // ash's setter would count bytes
             p_values: std::ptr::from_ref(&ON).cast(),
