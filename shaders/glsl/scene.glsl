@@ -91,11 +91,10 @@ void scene_instance(uint index, vec3 world_origin, vec3 world_d, inout SceneHit 
     while (true) {
         BvhNode n = in_nodes.node[node];
         float t0 = box_entry(n.min0, n.max0, inverse, shift, hit.t), t1 = box_entry(n.min1, n.max1, inverse, shift, hit.t);
-            if (n.child1 == NONE) t1 = FAR; // a node of one child: the other's inverted box is no bound to the slab test
+        if (n.child1 == NONE) t1 = FAR; // a node of one child: the other's inverted box is no bound to the slab test
         if (t0 < FAR && n.count0 > 0u) { scene_triangles(n.child0, n.count0, index, origin, d, hit); t0 = FAR; }
         if (t1 < FAR && n.count1 > 0u) { scene_triangles(n.child1, n.count1, index, origin, d, hit); t1 = FAR; }
-        // a missing child has an inverted box, which the slab test would take for all of space
-        bool go0 = t0 < FAR && n.child0 != NONE, go1 = t1 < FAR && n.child1 != NONE;
+        bool go0 = t0 < FAR, go1 = t1 < FAR;
         if (go0 && go1) {
             bool first0 = t0 <= t1;
             node = first0 ? n.child0 : n.child1;
@@ -120,7 +119,7 @@ SceneHit scene_trace(vec3 origin, vec3 d, float t_max) {
             if (n.child1 == NONE) t1 = FAR; // a node of one child: the other's inverted box is no bound to the slab test
             if (t0 < FAR && n.count0 > 0u) { scene_instance(n.child0, origin, d, hit); t0 = FAR; }
             if (t1 < FAR && n.count1 > 0u) { scene_instance(n.child1, origin, d, hit); t1 = FAR; }
-            bool go0 = t0 < FAR && n.child0 != NONE, go1 = t1 < FAR && n.child1 != NONE;
+            bool go0 = t0 < FAR, go1 = t1 < FAR;
             if (go0 && go1) {
                 bool first0 = t0 <= t1;
                 node = first0 ? n.child0 : n.child1;

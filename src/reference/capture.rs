@@ -60,7 +60,7 @@ pub struct CaptureSettings {
 impl Default for CaptureSettings {
     /// As the built-in scenes are captured when they are first used: clean within a minute on two CPU cores.
     fn default() -> Self {
-        Self { size: [1024, 512], samples: 24, seed: 0, denoise: true, progress: true }
+        Self { size: [1024, 512], samples: 12, seed: 0, denoise: true, progress: true }
     }
 }
 

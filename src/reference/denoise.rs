@@ -2,21 +2,23 @@
 //! geometry and by the variance of the samples, as SVGF does (Schied et al. 2017).
 //!
 //! What a path tracer leaves at a few dozen samples is noise in the light, not in the picture: reflected radiance is
-//! divided by the albedo, filtered, and multiplied again, so that textures keep every texel. Emission seen directly,
-//! and in a texel on a silhouette what the surface behind sends, are left as they are. The result is slightly biased where
-//! light changes faster than its variance shows.
+//! divided by the albedo, filtered, and multiplied again, so that textures keep every texel. Emission seen directly is left as it
+//! is, and so is, in a texel on a silhouette, what the other surface sends, except that outliers are cut. The result is slightly biased
+//! where light changes faster than its variance shows.
 
 use super::path_trace::Sums;
 use crate::panorama::mapping::texel_direction;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Levels of the filter; the last spans 65×65 texels.
-const LEVELS: u32 = 5;
+/// Levels of the filter; the last spans 129×129 texels.
+const LEVELS: u32 = 6;
 /// Luminance differences of so many standard errors are taken for light, not noise.
-const SIGMA: f32 = 1.5;
+const SIGMA: f32 = 3.0;
+/// The same on the first level, which has to swallow single outliers.
+const FIRST_SIGMA: f32 = 12.0;
 /// Changes when the filter does: part of what names a cached panorama.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 3;
 
 #[derive(Clone, Copy, Default)]
 struct Texel {
@@ -37,7 +39,7 @@ struct Guide {
 
 /// Filtered radiance of an equirectangular picture, alpha 1.
 pub fn denoise(sums: &Sums) -> Vec<[f32; 4]> {
-    let [width, height] = sums.size;
+    let width = sums.size[0];
     let n = sums.samples.max(1) as f32;
     let mut texels = vec![Texel::default(); sums.reflected.len()];
     let mut guides = vec![Guide::default(); texels.len()];
@@ -61,8 +63,19 @@ pub fn denoise(sums: &Sums) -> Vec<[f32; 4]> {
             purity: count / n,
         };
     }
+    let raw = texels.clone();
     for level in 0..LEVELS {
-        texels = filter(&texels, &guides, [width, height], 1 << level);
+        texels = filter(&texels, &guides, sums.size, level, true);
+    }
+    // Outliers, all of them bright, find few neighbours like them: their light would be lost. What the filter took is spread
+    // over the surface instead.
+    let taken = |(raw, kept): (&Texel, &Texel)| Texel { light: raw.light - kept.light, ..Default::default() };
+    let mut residual: Vec<Texel> = raw.iter().zip(&texels).map(taken).collect();
+    for level in 0..LEVELS {
+        residual = filter(&residual, &guides, sums.size, level, false);
+    }
+    for (texel, residual) in texels.iter_mut().zip(&residual) {
+        texel.light = (texel.light + residual.light).max(Vec3::ZERO);
     }
     let finish = |i: usize| {
         let filtered = if guides[i].purity > 0.0 {
@@ -70,17 +83,42 @@ pub fn denoise(sums: &Sums) -> Vec<[f32; 4]> {
         } else {
             Vec3::from_slice(&sums.reflected[i])
         };
-        let [r, g, b] = ((filtered + Vec3::from_slice(&sums.other[i])) / n).to_array();
+        (filtered + Vec3::from_slice(&sums.other[i])) / n
+    };
+    let radiance: Vec<Vec3> = (0..texels.len()).map(finish).collect();
+    let pure = |i: usize| sums.reflected[i][3] > 0.9 * n;
+    let bounded = |i: usize| {
+        let [r, g, b] =
+            if pure(i) { radiance[i] } else { at_most_neighbours(i, &radiance, pure, sums.size) }.to_array();
         [r, g, b, 1.0]
     };
-    (0..texels.len()).map(finish).collect()
+    (0..texels.len()).map(bounded).collect()
+}
+
+/// On a silhouette, where two surfaces share a texel and the light of one is not filtered: no brighter than the texels around
+/// that show one surface each.
+fn at_most_neighbours(index: usize, values: &[Vec3], pure: impl Fn(usize) -> bool, size: [u32; 2]) -> Vec3 {
+    let [width, height] = size.map(i64::from);
+    let (x, y) = (index as i64 % width, index as i64 / width);
+    let mut most = Vec3::ZERO;
+    for row in (y - 2).max(0)..=(y + 2).min(height - 1) {
+        for column in x - 2..=x + 2 {
+            let other = (row * width + column.rem_euclid(width)) as usize;
+            if pure(other) {
+                most = most.max(values[other]);
+            }
+        }
+    }
+    if most == Vec3::ZERO { values[index] } else { values[index].min(most) }
 }
 
 fn luminance(color: Vec3) -> f32 {
     color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
-fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], step: i64) -> Vec<Texel> {
+/// One level; `by_light`: stop at steps in the light, not only at those of the geometry.
+fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], level: u32, by_light: bool) -> Vec<Texel> {
+    let step = 1_i64 << level;
     const KERNEL: [f32; 3] = [0.375, 0.25, 0.0625];
     let [width, height] = size.map(i64::from);
     let at = |x: i64, y: i64| (y * width + x.rem_euclid(width)) as usize;
@@ -90,21 +128,25 @@ fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], step: i64) -> Vec<
         if g.purity == 0.0 {
             return p;
         }
-        // Columns crowd towards the poles: step over as many as span the same angle.
+        // Columns crowd towards the poles: step over as many as span the same angle, as soon as those between are mixed in.
         let sine = (std::f32::consts::PI * (y as f32 + 0.5) / height as f32).sin();
-        let stride = ((step as f32 / sine).round() as i64).min(width / 5).max(1);
+        let stride = ((step as f32 / sine).round() as i64).min(3_i64.pow(level)).min(width / 5).max(1);
         let (mut variance, mut total) = (0.0, 0.0);
-        for dy in -1..=1_i64 {
-            for dx in -1..=1_i64 {
+        // A few samples tell little about their own variance: the first level asks the neighbourhood.
+        let reach = if level == 0 { 3 } else { 1 };
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
                 let row = y + dy;
-                if (0..height).contains(&row) && guides[at(x + dx, row)].purity > 0.0 {
-                    let weight = [1.0, 0.5][dx.unsigned_abs() as usize] * [1.0, 0.5][dy.unsigned_abs() as usize];
-                    variance += weight * texels[at(x + dx, row)].variance;
-                    total += weight;
+                if !(0..height).contains(&row) {
+                    continue;
                 }
+                let h = guides[at(x + dx, row)];
+                let weight = h.purity * g.normal.dot(h.normal).max(0.0).powi(8) / (1 + dx * dx + dy * dy) as f32;
+                variance += weight * texels[at(x + dx, row)].variance;
+                total += weight;
             }
         }
-        let sigma = SIGMA * (variance / total).sqrt() + 1e-4;
+        let sigma = if level == 0 { FIRST_SIGMA } else { SIGMA } * (variance / total).sqrt() + 1e-4;
         let own = luminance(p.light);
         let (mut light, mut variance, mut total) = (Vec3::ZERO, 0.0, 0.0);
         for dy in -2..=2_i64 {
@@ -121,7 +163,7 @@ fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], step: i64) -> Vec<
                 let apart = h.position - g.position;
                 let plane = g.normal.dot(apart).abs() / (0.01 * g.distance + 0.02 * apart.length());
                 let bend = g.normal.dot(h.normal).max(0.0).powi(48);
-                let step_in_light = (luminance(q.light) - own).abs() / sigma;
+                let step_in_light = if by_light { (luminance(q.light) - own).abs() / sigma } else { 0.0 };
                 let kernel = KERNEL[dx.unsigned_abs() as usize] * KERNEL[dy.unsigned_abs() as usize];
                 let weight = kernel * h.purity * bend * (-plane * plane - step_in_light).exp();
                 light += weight * q.light;
@@ -132,4 +174,62 @@ fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], step: i64) -> Vec<
         if total <= 0.0 { p } else { Texel { light: light / total, variance: variance / (total * total) } }
     };
     (0..texels.len()).into_par_iter().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::rooms::kit::hash;
+
+    const SIZE: [u32; 2] = [128, 64];
+    const SAMPLES: u32 = 16;
+
+    /// The inside of a unit sphere under light of 1 (on its right half 3), with a chequered albedo; every sample is 0 or
+    /// twice the light.
+    fn sums() -> (Sums, Vec<f32>) {
+        let mut sums = Sums { size: SIZE, samples: SAMPLES, ..Default::default() };
+        let mut truth = Vec::new();
+        for i in 0..SIZE[0] * SIZE[1] {
+            let [x, y] = [i % SIZE[0], i / SIZE[0]];
+            let light = if x < SIZE[0] / 2 { 1.0 } else { 3.0 };
+            let albedo = if (x / 3 + y / 3) % 2 == 0 { 0.8 } else { 0.1 };
+            let n = SAMPLES as f32;
+            let hits = (0..SAMPLES).filter(|k| hash(i as i32, *k as i32, 5) < 0.5).count() as f32;
+            let sample = 2.0 * light * albedo;
+            let normal = -texel_direction(x, y, SIZE).as_vec3();
+            sums.reflected.push([sample * hits, sample * hits, sample * hits, n]);
+            sums.other.push([0.0, 0.0, 0.0, sample * sample * hits]);
+            sums.albedo.push([albedo * n, albedo * n, albedo * n, sample * sample * hits]);
+            sums.centre.push([normal.x, normal.y, normal.z, 1.0]);
+            truth.push(light * albedo);
+        }
+        (sums, truth)
+    }
+
+    #[test]
+    fn noise_goes_and_texture_and_light_stay() {
+        let (sums, truth) = sums();
+        let error = |picture: &[[f32; 4]]| {
+            let square = |(c, t): (&[f32; 4], &f32)| f64::from((c[1] / t - 1.0).powi(2));
+            (picture.iter().zip(&truth).map(square).sum::<f64>() / truth.len() as f64).sqrt()
+        };
+        let (raw, filtered) = (sums.radiance(), denoise(&sums));
+        // measured: 0.250 to 0.078, most of that at the step in the light
+        assert!(error(&raw) > 0.2 && error(&filtered) < 0.1, "{} to {}", error(&raw), error(&filtered));
+        let mean = |picture: &[[f32; 4]]| picture.iter().map(|c| f64::from(c[1])).sum::<f64>();
+        assert!((mean(&filtered) / mean(&raw) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn what_has_no_noise_is_not_changed() {
+        let (mut sums, truth) = sums();
+        for (i, truth) in truth.iter().enumerate() {
+            let n = SAMPLES as f32;
+            sums.reflected[i] = [truth * n, truth * n, truth * n, n];
+            sums.other[i] = [0.25 * n, 0.0, 0.0, truth * truth * n];
+        }
+        for (c, t) in denoise(&sums).iter().zip(&truth) {
+            assert!((c[1] / t - 1.0).abs() < 1e-3 && (c[0] - c[1] - 0.25).abs() < 1e-3, "{c:?} {t}");
+        }
+    }
 }
