@@ -39,7 +39,7 @@ void main() {
     float id = imageLoad(in_motion, ivec3(p, layer)).w;
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
     // A short history has no variance of its own: the first level then ignores luminance and measures the variance.
-    bool young = imageLoad(in_moments, ivec3(p, layer)).z < 4.0;
+    bool young = imageLoad(in_moments, ivec3(p, layer)).z < 12.0;
     bool known = a.w >= 0.0;
     bool measure = (young && push.step_size == 1) || !known;
 
