@@ -1,4 +1,77 @@
 //! `iprt`: virtual objects in 360° RGBD video, lit by the video itself.
+//!
+//! A panorama with depth is a scene of diffuse emitters at known places. Rays traced against it and against the virtual
+//! objects give light, shadows and reflections to both, after *Interactive Panoramic Ray Tracing for Mixed 360° RGBD Videos*
+//! (Wu, Wang, Ke; VRW 2023). What each pass computes, its images, units and settings are in `docs/pipeline.md`; where it fails is
+//! in `docs/limits.md`.
+//!
+//! # The house
+//!
+//! From the ground up; a module uses those above it in this list (image files alone take the sRGB curve from [`scene::mips`]).
+//!
+//! * [`error`]: [`Error`], one type: what failed, on which file or object, and the remedy.
+//! * [`gpu`]: Vulkan and nothing else. A [`gpu::Gpu`] hands out buffers, images and passes; a [`gpu::Frame`] records
+//!   dispatches and barriers, refuses to run where a barrier is missing, and times each dispatch.
+//! * [`image_file`]: PNG, JPEG, HDR and EXR in; PNG and EXR out, never by halves.
+//! * [`panorama`]: the video's frames as linear radiance and metres ([`panorama::source`], [`panorama::depth`]) and the
+//!   equirectangular [`panorama::mapping`].
+//! * [`scene`]: the scene file, glTF objects, materials, BVH, camera, key frames, built-in [`scene::rooms`]. A
+//!   [`scene::Scene`] gives its state at any time.
+//! * [`settings`]: every approximation as a named value; a [`settings::Method`] is a preset of them.
+//! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
+//! * [`passes`]: one file a pass. Each runs on a [`passes::view::View`], the images and history of one picture, and finds what
+//!   it binds by GLSL name ([`passes::resources`]).
+//! * [`renderer`]: the frame.
+//! * [`mod@reference`]: scene truth by path tracing, and the panoramas of the built-in rooms made with it.
+//! * [`measure`]: pass times.
+//! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
+//!
+//! # The frame
+//!
+//! [`renderer::Renderer::render`] records it, and reads from top to bottom:
+//!
+//! 1. Per new video frame, from the panorama alone: [`passes::radiance_pyramid`], [`passes::normals`],
+//!    [`passes::depth_pyramid`], [`passes::light_table`].
+//! 2. *relight*: the passes of 3 on a coarse panoramic view, so that rays see real surfaces as the objects leave them.
+//! 3. [`passes::gbuffer`], [`passes::sampling_mask`], [`passes::irradiance`], [`passes::interpolate`], [`passes::temporal`],
+//!    [`passes::atrous`].
+//! 4. [`passes::composite`].
+//!
+//! Any image of it can be read back by name: [`renderer::Renderer::aov`].
+//!
+//! ```no_run
+//! use iprt::{gpu::{Gpu, GpuOptions}, passes::view::Projection, renderer::{RenderOptions, Renderer}, scene::Scene};
+//! use iprt::settings::{Method, Settings};
+//!
+//! # fn main() -> iprt::Result<()> {
+//! let gpu = Gpu::new(&GpuOptions { device: None, validation: false })?;
+//! let scene = Scene::load("my_room.toml".as_ref())?;
+//! let options = RenderOptions {
+//!     size: [1280, 720],
+//!     method: Method::Iprt,
+//!     settings: Settings::of(Method::Iprt),
+//!     projection: Projection::Perspective,
+//!     seed: 0,
+//!     without_objects: false,
+//! };
+//! let mut renderer = Renderer::new(&gpu, &scene, options)?;
+//! for _ in 0..16 {
+//!     renderer.render(&scene, 0.0)?;
+//! }
+//! let radiance = renderer.picture()?; // linear, RGBA, row 0 on top
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Adding a pass
+//!
+//! 1. `shaders/glsl/NAME.comp`: its head says inputs, outputs, units and the equation. It becomes `shaders::NAME`.
+//! 2. `src/passes/NAME.rs`: a [`passes::resources::Kernel`] with the bindings by GLSL name, each with its [`gpu::Access`], and push constants
+//!    by `gpu_struct!`; a `record` of a few lines. All is checked against the SPIR-V when the pipeline is made.
+//! 3. New images: per picture in [`passes::view::View::new`], per video frame in [`passes::panorama::Panorama::new`]. Those of a
+//!    picture are AOVs at once; two-layer images are real and virtual surfaces, pairs are history.
+//! 4. A field of [`renderer::Renderer`], a line in its frame, and a [`gpu::Frame::barrier`] that says what it separates.
+//! 5. Its name in [`measure::bench::PASSES`], its settings in [`settings`], its section in `docs/pipeline.md`.
 
 pub mod cli;
 pub mod error;
