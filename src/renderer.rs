@@ -104,7 +104,7 @@ impl Renderer {
             normals: Normals::new(gpu)?,
             depth_pyramid: DepthPyramid::new(gpu)?,
             light_table: LightTable::new(gpu)?,
-            gbuffer: [Gbuffer::new(gpu, false)?, Gbuffer::new(gpu, true)?],
+            gbuffer: [Gbuffer::new(gpu, false, color_levels > 1)?, Gbuffer::new(gpu, true, color_levels > 1)?],
             sampling_mask: SamplingMask::new(gpu)?,
             irradiance: Irradiance::new(gpu)?,
             interpolate: Interpolate::new(gpu)?,

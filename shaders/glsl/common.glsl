@@ -48,7 +48,7 @@ struct View {
     uvec2 relight_size;
 };
 
-layout(set = 0, binding = 0, scalar) readonly buffer ViewBuffer { View view; } in_view;
+layout(set = 0, binding = 0, scalar) uniform ViewBuffer { View view; } in_view;
 
 // --- random numbers: integer hashes of (pixel, frame, dimension, seed) ---
 

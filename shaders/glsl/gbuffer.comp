@@ -4,6 +4,7 @@
 // In: panorama radiance, depth and normals; the scene. Out: position (m), normal, motion (pixels), L_cam (radiance), k_V,
 // emission, hit, for the real and the virtual surface. M at the centre goes to camera_radiance.w; coverage refines it.
 #define TRACE_PANORAMA
+#define PANORAMA_LEVELS
 #include "common.glsl"
 #include "panorama.glsl"
 #include "scene.glsl"

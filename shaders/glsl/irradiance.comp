@@ -25,7 +25,7 @@ layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; }
 layout(set = 0, binding = 45, rgba32f) uniform writeonly image2DArray out_irradiance_a;
 layout(set = 0, binding = 46, rgba32f) uniform writeonly image2DArray out_irradiance_b;
 
-vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv, 0); }
+vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv); }
 
 // A ray drawn from a lobe and from the panorama's lights together: one of the two strategies is drawn, and the weight f·cos/p is
 // that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real` is what it meets of the real scene.

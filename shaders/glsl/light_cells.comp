@@ -14,6 +14,6 @@ void main() {
     ivec2 from = cell * size / LIGHT_CELLS, to = max((cell + 1) * size / LIGHT_CELLS, from + 1);
     float sum = 0.0;
     for (int y = from.y; y < to.y; y++)
-        for (int x = from.x; x < to.x; x++) sum += luminance(texelFetch(panorama_radiance, ivec2(x, y), 0).rgb);
+        for (int x = from.x; x < to.x; x++) sum += luminance(imageLoad(in_panorama_radiance, ivec2(x, y)).rgb);
     lights.value[LIGHT_WEIGHTS_AT + cell.y * LIGHT_CELLS.x + cell.x] = sum / float((to.x - from.x) * (to.y - from.y));
 }

@@ -31,12 +31,14 @@ pub struct Gbuffer {
 }
 
 impl Gbuffer {
-    /// Builds the pipelines; `off_centre` cameras trace their primary rays through the panorama.
-    pub fn new(gpu: &Gpu, off_centre: bool) -> Result<Self> {
+    /// Builds the pipelines; `off_centre` cameras trace their primary rays through the panorama; `minified`:
+    /// the panorama is finer than the picture and has mip levels.
+    pub fn new(gpu: &Gpu, off_centre: bool, minified: bool) -> Result<Self> {
         use Access::{Read, Write};
         const CENTRE: &[(&str, Access)] = &[
             ("in_view", Read),
-            ("panorama_radiance", Read),
+            ("in_panorama_radiance", Read),
+            ("panorama_levels", Read),
             ("in_depth", Read),
             ("in_angles", Read),
             ("in_pyramid", Read),
@@ -83,10 +85,10 @@ impl Gbuffer {
             ("out_emission", Write),
             ("out_hit", Write),
         ];
-        let constants = [(0, u32::from(off_centre))];
+        let constants = [(0, u32::from(off_centre)), (3, u32::from(minified))];
         Ok(Self {
             centre: Kernel::new::<()>(gpu, "gbuffer", shaders::GBUFFER, CENTRE, SCENE_STRUCTS, &constants)?,
-            coverage: Kernel::new::<()>(gpu, "gbuffer", shaders::COVERAGE, COVERAGE, SCENE_STRUCTS, &constants)?,
+            coverage: Kernel::new::<()>(gpu, "gbuffer", shaders::COVERAGE, COVERAGE, SCENE_STRUCTS, &constants[..1])?,
         })
     }
 

@@ -36,7 +36,7 @@ impl Irradiance {
         use Access::{Read, Write};
         macro_rules! bindings {
             ($($extra:expr),*) => { &[
-                ("in_view", Read), ("panorama_radiance", Read), ("in_depth", Read), ("in_angles", Read), ("in_pyramid", Read),
+                ("in_view", Read), ("in_panorama_radiance", Read), ("in_depth", Read), ("in_angles", Read), ("in_pyramid", Read),
                 ("in_triangles", Read), ("in_shading", Read), ("in_vertices", Read), ("in_nodes", Read), ("in_instances", Read),
                 ("in_top_nodes", Read), ("in_materials", Read), ("in_textures", Read), ("in_texels", Read), ("in_energy", Read),
                 ("in_relight_real", Read), ("in_relight_change", Read), ("in_lights", Read), ("in_position", Read), ("in_normal", Read), ("in_hit", Read),

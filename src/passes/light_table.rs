@@ -18,7 +18,7 @@ pub struct LightTable {
 impl LightTable {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        const WRITE: &[(&str, Access)] = &[("in_view", Access::Read), ("panorama_radiance", Access::Read), ("lights", Access::ReadWrite)];
+        const WRITE: &[(&str, Access)] = &[("in_view", Access::Read), ("in_panorama_radiance", Access::Read), ("lights", Access::ReadWrite)];
         const SUMS: &[(&str, Access)] = &[("lights", Access::ReadWrite)];
         Ok(Self {
             cells: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_CELLS, WRITE, &[], &[])?,

@@ -69,6 +69,7 @@ impl Panorama {
         let raw_depth = gpu.buffer("panorama raw depth", (texels + 2) * 4)?;
         let mut resources = Resources::default();
         resources.add("panorama_radiance", Resource::Image(radiance.clone()));
+        resources.add("panorama_levels", Resource::Image(radiance.clone()));
         resources.add("depth", Resource::Buffer(gpu.buffer("panorama depth", (texels + 2) * 4)?));
         resources.add("angles", Resource::Buffer(gpu.buffer_with("panorama angles", &angles(depth_size, yaw_degrees))?));
         resources.add("panorama_normal", Resource::Image(gpu.image("panorama normal", depth_size, 1, 1, Format::Rgba16f)?));
