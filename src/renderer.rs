@@ -96,8 +96,11 @@ impl Renderer {
         let deepest = 32 - first.color_size[0].max(first.color_size[1]).leading_zeros();
         let color_levels = (1 + footprint.log2().ceil().max(0.0) as u32).min(deepest);
         let relight_size = [settings.relight_width, settings.relight_width.div_ceil(2)];
-        let levels = if state.instances.instances.is_empty() || options.without_objects { 0 } else { settings.relight_levels };
-        let relight = (0..levels).map(|level| View::new(gpu, &format!("relight {level}"), relight_size)).collect::<Result<_>>()?;
+        let levels =
+            if state.instances.instances.is_empty() || options.without_objects { 0 } else { settings.relight_levels };
+        let relight = (0..levels)
+            .map(|level| View::new(gpu, &format!("relight {level}"), relight_size))
+            .collect::<Result<_>>()?;
         Ok(Self {
             gpu: gpu.clone(),
             radiance_pyramid: RadiancePyramid::new(gpu)?,
@@ -175,7 +178,13 @@ impl Renderer {
     }
 
     /// Passes 1 to 5 on one view, its rays seeing real surfaces as `relit` has them. Returns E_R | E and ΔE | specular.
-    fn trace<'a>(&'a self, frame: &mut Frame, view: &'a View, relit: Option<&'a View>, state: &FrameState) -> Result<[&'a Image; 2]> {
+    fn trace<'a>(
+        &'a self,
+        frame: &mut Frame,
+        view: &'a View,
+        relit: Option<&'a View>,
+        state: &FrameState,
+    ) -> Result<[&'a Image; 2]> {
         let settings = &self.options.settings;
         let is_picture = std::ptr::eq(view, &self.picture);
         let off_centre = is_picture && !state.viewpoint.centred();
@@ -275,7 +284,14 @@ impl Renderer {
         self.upload_view(&self.picture, state.viewpoint, !self.relight.is_empty(), 0, state)
     }
 
-    fn upload_view(&self, view: &View, viewpoint: Viewpoint, relit: bool, stream: u32, state: &FrameState) -> Result<()> {
+    fn upload_view(
+        &self,
+        view: &View,
+        viewpoint: Viewpoint,
+        relit: bool,
+        stream: u32,
+        state: &FrameState,
+    ) -> Result<()> {
         let settings = &self.options.settings;
         let shape = &self.panorama.shape;
         let mut data = ViewData {
@@ -347,7 +363,8 @@ impl Renderer {
     /// Standard error of the accumulated irradiance, relative to its mean: the root of the mean variance of each pixel's mean over
     /// the mean luminance, real surfaces' change and virtual surfaces' lobes together.
     pub fn standard_error(&self) -> Result<f64> {
-        let image = |name: &str| self.picture.resources.image(name).ok_or_else(|| Error::Internal(format!("no image {name}")));
+        let image =
+            |name: &str| self.picture.resources.image(name).ok_or_else(|| Error::Internal(format!("no image {name}")));
         let (mut variance, mut mean) = (0.0, 0.0);
         for layer in 0..2 {
             for name in ["a", "b"] {
@@ -386,12 +403,17 @@ impl Renderer {
             "irradiance_real" => return Ok(opaque(self.gpu.read_image(a, 0)?)),
             "irradiance_mixed" => {
                 let (real, change) = (self.gpu.read_image(a, 0)?, self.gpu.read_image(b, 0)?);
-                return Ok(real.iter().zip(&change).map(|(r, c)| [r[0] + c[0], r[1] + c[1], r[2] + c[2], 1.0]).collect());
+                return Ok(real
+                    .iter()
+                    .zip(&change)
+                    .map(|(r, c)| [r[0] + c[0], r[1] + c[1], r[2] + c[2], 1.0])
+                    .collect());
             }
             "irradiance_virtual" => return Ok(opaque(self.gpu.read_image(a, 1)?)),
             "radiance_specular" => return Ok(opaque(self.gpu.read_image(b, 1)?)),
             "object_id" => {
-                let motion = self.picture.resources.image("motion").ok_or_else(|| Error::Internal("no motion".into()))?;
+                let motion =
+                    self.picture.resources.image("motion").ok_or_else(|| Error::Internal("no motion".into()))?;
                 return Ok(self.gpu.read_image(motion, 1)?.iter().map(|t| [t[3], t[3], t[3], 1.0]).collect());
             }
             _ => {}
@@ -405,12 +427,17 @@ impl Renderer {
                 return self.gpu.read_image(image, layer as u32);
             }
         }
-        Err(Error::input("--aov", format!("there is no image \"{name}\""), format!("choose from {}", self.aov_names().join(", "))))
+        Err(Error::input(
+            "--aov",
+            format!("there is no image \"{name}\""),
+            format!("choose from {}", self.aov_names().join(", ")),
+        ))
     }
 }
 
 /// Images that are put together on reading.
-const DERIVED: [&str; 5] = ["irradiance_real", "irradiance_mixed", "irradiance_virtual", "radiance_specular", "object_id"];
+const DERIVED: [&str; 5] =
+    ["irradiance_real", "irradiance_mixed", "irradiance_virtual", "radiance_specular", "object_id"];
 
 /// The two layers of per-surface images.
 const LAYERS: [&str; 2] = ["real", "virtual"];
@@ -423,7 +450,9 @@ fn end_view(view: &mut View, viewpoint: Viewpoint) {
 fn viewpoint(options: &RenderOptions, scene: &Scene, camera: &crate::scene::camera::Camera) -> Viewpoint {
     let position = camera.position - scene.panorama.position;
     match options.projection {
-        Projection::Perspective => Viewpoint::perspective(position, camera.rotation, camera.fov_y_degrees, options.size),
+        Projection::Perspective => {
+            Viewpoint::perspective(position, camera.rotation, camera.fov_y_degrees, options.size)
+        }
         Projection::Equirect => Viewpoint::equirect(position, camera.rotation),
     }
 }

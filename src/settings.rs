@@ -111,7 +111,11 @@ impl Settings {
             let nearest = Self::TABLE.iter().min_by_key(|row| strsim::damerau_levenshtein(row.name, name));
             let hint = nearest.map_or(String::new(), |row| format!("did you mean \"{}\"? ", row.name));
             let all: Vec<_> = Self::TABLE.iter().map(|row| row.name).collect();
-            return Err(Error::input(subject, format!("unknown setting \"{name}\""), format!("{hint}settings are {}", all.join(", "))));
+            return Err(Error::input(
+                subject,
+                format!("unknown setting \"{name}\""),
+                format!("{hint}settings are {}", all.join(", ")),
+            ));
         };
         let number = match value {
             "true" | "on" if row.switch => Some(1.0),
@@ -124,8 +128,16 @@ impl Settings {
                 Ok(())
             }
             _ => {
-                let allowed = if row.switch { "true or false".to_owned() } else { format!("a number from {} to {}", row.range[0], row.range[1]) };
-                Err(Error::input(subject, format!("setting \"{name}\" cannot be \"{value}\""), format!("give {allowed}")))
+                let allowed = if row.switch {
+                    "true or false".to_owned()
+                } else {
+                    format!("a number from {} to {}", row.range[0], row.range[1])
+                };
+                Err(Error::input(
+                    subject,
+                    format!("setting \"{name}\" cannot be \"{value}\""),
+                    format!("give {allowed}"),
+                ))
             }
         }
     }

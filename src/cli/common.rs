@@ -99,15 +99,17 @@ impl PictureArgs {
             settings.set(key, &text, &format!("{}: render.set", scene.name))?;
         }
         for pair in &self.set {
-            let (key, value) = pair
-                .split_once('=')
-                .ok_or_else(|| Error::input("--set", format!("\"{pair}\" is not key=value"), "write for example --set atrous_levels=3"))?;
+            let (key, value) = pair.split_once('=').ok_or_else(|| {
+                Error::input("--set", format!("\"{pair}\" is not key=value"), "write for example --set atrous_levels=3")
+            })?;
             settings.set(key.trim(), value.trim(), "--set")?;
         }
         let projection = match self.projection.as_str() {
             "perspective" => Projection::Perspective,
             "equirect" => Projection::Equirect,
-            other => return Err(Error::input("--projection", format!("unknown \"{other}\""), "use perspective or equirect")),
+            other => {
+                return Err(Error::input("--projection", format!("unknown \"{other}\""), "use perspective or equirect"));
+            }
         };
         let size = match &self.size {
             Some(text) => parse_size(text)?,
@@ -132,7 +134,9 @@ pub fn parse_size(text: &str) -> Result<[u32; 2]> {
         let (width, height) = text.split_once(['x', 'X', '×'])?;
         Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
     };
-    parse().ok_or_else(|| Error::input("--size", format!("\"{text}\" is not WIDTHxHEIGHT"), "write for example --size 1280x720"))
+    parse().ok_or_else(|| {
+        Error::input("--size", format!("\"{text}\" is not WIDTHxHEIGHT"), "write for example --size 1280x720")
+    })
 }
 
 /// `A..B`, both included, or one number.
@@ -143,7 +147,11 @@ pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
     };
     match parse() {
         Some([a, b]) if a <= b => Ok([a, b]),
-        _ => Err(Error::input("--frames", format!("\"{text}\" is not a range"), "write for example --frames 0..11, both included")),
+        _ => Err(Error::input(
+            "--frames",
+            format!("\"{text}\" is not a range"),
+            "write for example --frames 0..11, both included",
+        )),
     }
 }
 

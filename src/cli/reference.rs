@@ -52,7 +52,12 @@ pub fn run(args: &Args) -> Result<()> {
     bar.finish_and_clear();
     write(&renderer, &args.output, kind, scene.render.exposure, &args.aov)?;
     if !args.picture.quiet {
-        println!("{}: {} paths a pixel, standard error {:.2} % of the mean", args.output.display(), args.spp.max(1), 100.0 * renderer.standard_error()?);
+        println!(
+            "{}: {} paths a pixel, standard error {:.2} % of the mean",
+            args.output.display(),
+            args.spp.max(1),
+            100.0 * renderer.standard_error()?
+        );
     }
     drop(renderer);
     args.picture.device.close(gpu)

@@ -3,7 +3,10 @@
 use super::common::{PictureArgs, parse_frames, progress};
 use crate::{
     Error, Result,
-    image_file::{ExrLayer, write::{write_display, write_exr}},
+    image_file::{
+        ExrLayer,
+        write::{write_display, write_exr},
+    },
     measure::bench,
     renderer::Renderer,
     scene::Scene,
@@ -70,7 +73,8 @@ pub fn run(args: &Args) -> Result<()> {
     let spp = if reference { args.spp.max(1) } else { 1 };
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     check_aovs(&renderer, &args.aov)?;
-    let bar = progress(args.picture.quiet, u64::from(warmup) + u64::from(last - first + 1) * u64::from(spp), "rendering");
+    let bar =
+        progress(args.picture.quiet, u64::from(warmup) + u64::from(last - first + 1) * u64::from(spp), "rendering");
     for _ in 0..warmup {
         renderer.render(&scene, scene.panorama.frame_time(first as usize))?;
         bar.inc(1);
@@ -146,7 +150,11 @@ pub fn write(renderer: &Renderer, path: &Path, kind: Kind, exposure: f32, aovs: 
 pub fn check_aovs(renderer: &Renderer, aovs: &[String]) -> Result<()> {
     let known = renderer.aov_names();
     match aovs.iter().find(|name| *name != "all" && !known.contains(name)) {
-        Some(name) => Err(Error::input("--aov", format!("there is no image \"{name}\""), format!("choose from all, {}", known.join(", ")))),
+        Some(name) => Err(Error::input(
+            "--aov",
+            format!("there is no image \"{name}\""),
+            format!("choose from all, {}", known.join(", ")),
+        )),
         None => Ok(()),
     }
 }
@@ -155,7 +163,13 @@ pub fn check_aovs(renderer: &Renderer, aovs: &[String]) -> Result<()> {
 pub fn require_folder(path: &Path) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let probe = tempfile::Builder::new().prefix(".iprt-").tempfile_in(folder);
-    probe.map(drop).map_err(|e| Error::input(path.display(), format!("cannot be written: {}", e.kind()), "give a folder that exists and is writable"))
+    probe.map(drop).map_err(|e| {
+        Error::input(
+            path.display(),
+            format!("cannot be written: {}", e.kind()),
+            "give a folder that exists and is writable",
+        )
+    })
 }
 
 fn is_pattern(path: &Path) -> bool {

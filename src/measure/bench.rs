@@ -1,18 +1,22 @@
 //! `bench`: per-pass GPU times from timestamp queries.
 
-use crate::{
-    Result,
-    gpu::Timings,
-    renderer::Renderer,
-    scene::Scene,
-    settings::Settings,
-};
+use crate::{Result, gpu::Timings, renderer::Renderer, scene::Scene, settings::Settings};
 use serde::Serialize;
 use std::{collections::BTreeMap, fmt::Write, time::Instant};
 
 /// Pass names in frame order.
 pub const PASSES: [&str; 12] = [
-    "radiance_pyramid", "normals", "depth_pyramid", "light_table", "relight", "gbuffer", "sampling_mask", "irradiance", "interpolate", "temporal", "atrous",
+    "radiance_pyramid",
+    "normals",
+    "depth_pyramid",
+    "light_table",
+    "relight",
+    "gbuffer",
+    "sampling_mask",
+    "irradiance",
+    "interpolate",
+    "temporal",
+    "atrous",
     "composite",
 ];
 
@@ -94,7 +98,14 @@ struct Sample {
 
 /// Renders `warmup` frames at the first frame's time, then `frames` more from there, and measures those. `progress` is called
 /// after each.
-pub fn run(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32, warmup: u32, mut progress: impl FnMut()) -> Result<Report> {
+pub fn run(
+    renderer: &mut Renderer,
+    scene: &Scene,
+    first: u32,
+    frames: u32,
+    warmup: u32,
+    mut progress: impl FnMut(),
+) -> Result<Report> {
     let mut prepared = Timings::default();
     for n in 0..warmup {
         let timings = renderer.render(scene, scene.panorama.frame_time(first as usize))?;
@@ -154,13 +165,22 @@ fn pass_time(name: &str, samples: &[Sample], prepared: &Timings, settings: &Sett
             (None, "radiance_pyramid") => "the picture is nowhere coarser than the panorama".to_owned(),
             (None, "relight") if !renderer.has_objects() => "no object".to_owned(),
             (None, "relight") => "relight_levels = 0".to_owned(),
-            (None, "interpolate") if !settings.sampling_mask => "sampling_mask = false: every pixel is traced".to_owned(),
+            (None, "interpolate") if !settings.sampling_mask => {
+                "sampling_mask = false: every pixel is traced".to_owned()
+            }
             (None, "interpolate") => "interpolate = false".to_owned(),
             (None, "temporal") => "temporal = false".to_owned(),
             (None, "atrous") => "atrous_levels = 0".to_owned(),
             (None, _) => "not dispatched: warm-up prepared it".to_owned(),
         };
-        return PassTime { name: name.to_owned(), median_ms: 0.0, p95_ms: 0.0, min_ms: 0.0, max_ms: 0.0, off: Some(off) };
+        return PassTime {
+            name: name.to_owned(),
+            median_ms: 0.0,
+            p95_ms: 0.0,
+            min_ms: 0.0,
+            max_ms: 0.0,
+            off: Some(off),
+        };
     }
     let (median_ms, p95_ms) = (quantile(&mut times, 0.5), quantile(&mut times, 0.95));
     PassTime { name: name.to_owned(), median_ms, p95_ms, min_ms: times[0], max_ms: times[times.len() - 1], off: None }
@@ -179,17 +199,32 @@ impl Report {
     /// For people.
     pub fn table(&self) -> String {
         let mut out = String::new();
-        let _ = writeln!(out, "{} ({}), {} at {}×{}, method {}", self.device, self.driver, self.scene, self.size[0], self.size[1], self.method);
+        let _ = writeln!(
+            out,
+            "{} ({}), {} at {}×{}, method {}",
+            self.device, self.driver, self.scene, self.size[0], self.size[1], self.method
+        );
         let _ = writeln!(out, "{} frames after {} of warm-up; milliseconds of GPU time", self.frames, self.warmup);
         let _ = writeln!(out, "{:<18}{:>10}{:>10}{:>10}{:>10}", "pass", "median", "p95", "min", "max");
         for pass in &self.passes {
             let _ = match &pass.off {
                 Some(reason) => writeln!(out, "{:<18}{:>10}  ({reason})", pass.name, "–"),
-                None => writeln!(out, "{:<18}{:>10.2}{:>10.2}{:>10.2}{:>10.2}", pass.name, pass.median_ms, pass.p95_ms, pass.min_ms, pass.max_ms),
+                None => writeln!(
+                    out,
+                    "{:<18}{:>10.2}{:>10.2}{:>10.2}{:>10.2}",
+                    pass.name, pass.median_ms, pass.p95_ms, pass.min_ms, pass.max_ms
+                ),
             };
         }
         let f = &self.frame;
-        let _ = writeln!(out, "{:<18}{:>10.2}{:>10.2}   passes cover {:.1} % of it", "frame, GPU", f.gpu_median_ms, f.gpu_p95_ms, 100.0 * f.coverage);
+        let _ = writeln!(
+            out,
+            "{:<18}{:>10.2}{:>10.2}   passes cover {:.1} % of it",
+            "frame, GPU",
+            f.gpu_median_ms,
+            f.gpu_p95_ms,
+            100.0 * f.coverage
+        );
         let _ = writeln!(out, "{:<18}{:>10.2}{:>10.2}", "frame, wall", f.wall_median_ms, f.wall_p95_ms);
         let _ = writeln!(out, "device memory {:.0} MiB", self.memory.device_bytes as f64 / f64::from(1 << 20));
         out
@@ -200,7 +235,11 @@ impl Report {
         let mut out = "pass,median_ms,p95_ms,min_ms,max_ms,off\n".to_owned();
         for p in &self.passes {
             let off = p.off.as_deref().unwrap_or("").replace('"', "'");
-            let _ = writeln!(out, "{},{:.4},{:.4},{:.4},{:.4},\"{off}\"", p.name, p.median_ms, p.p95_ms, p.min_ms, p.max_ms);
+            let _ = writeln!(
+                out,
+                "{},{:.4},{:.4},{:.4},{:.4},\"{off}\"",
+                p.name, p.median_ms, p.p95_ms, p.min_ms, p.max_ms
+            );
         }
         let _ = writeln!(out, "frame,{:.4},{:.4},,,\"\"", self.frame.gpu_median_ms, self.frame.gpu_p95_ms);
         out

@@ -52,7 +52,13 @@ impl Atrous {
                 ("out_b", Bind::from(image(view, to[1])?)),
             ];
             let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance };
-            self.0.dispatch(frame, &special, &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))?;
+            self.0.dispatch(
+                frame,
+                &special,
+                &[&view.resources],
+                &push,
+                Threads::Indirect(&view.arguments, LIST_TILES),
+            )?;
         }
         Ok(())
     }

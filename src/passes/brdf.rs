@@ -59,7 +59,8 @@ mod tests {
     #[test]
     fn a_smooth_reflector_loses_nothing_and_a_rough_one_does() {
         let table = brdf_table();
-        let energy = |row: usize, column: usize| table[row * ENERGY_SIZE + column][0] + table[row * ENERGY_SIZE + column][1];
+        let energy =
+            |row: usize, column: usize| table[row * ENERGY_SIZE + column][0] + table[row * ENERGY_SIZE + column][1];
         assert!((energy(0, 16) - 1.0).abs() < 1e-3);
         // α = 1, normal incidence: published values of E are about 0.45 to 0.55 there
         assert!((0.4..0.6).contains(&energy(31, 31)), "{}", energy(31, 31));

@@ -1,7 +1,14 @@
 //! `depth_pyramid`, per video frame: the min–max boxes that rays through the panorama walk.
 
-use super::{panorama::Panorama, resources::{Kernel, Resources}};
-use crate::{Result, gpu::{Access, Frame, Gpu, Threads}, gpu_struct, shaders};
+use super::{
+    panorama::Panorama,
+    resources::{Kernel, Resources},
+};
+use crate::{
+    Result,
+    gpu::{Access, Frame, Gpu, Threads},
+    gpu_struct, shaders,
+};
 
 gpu_struct! {
     /// Push constants of `depth_pyramid.comp`.
@@ -14,8 +21,12 @@ pub struct DepthPyramid(Kernel);
 impl DepthPyramid {
     /// Builds the pipeline.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        const BINDINGS: &[(&str, Access)] =
-            &[("in_view", Access::Read), ("in_depth", Access::Read), ("in_angles", Access::Read), ("pyramid", Access::ReadWrite)];
+        const BINDINGS: &[(&str, Access)] = &[
+            ("in_view", Access::Read),
+            ("in_depth", Access::Read),
+            ("in_angles", Access::Read),
+            ("pyramid", Access::ReadWrite),
+        ];
         Ok(Self(Kernel::new::<DepthPyramidPush>(gpu, "depth_pyramid", shaders::DEPTH_PYRAMID, BINDINGS, &[], &[])?))
     }
 

@@ -44,12 +44,22 @@ impl Irradiance {
             ] };
         }
         const BINDINGS: &[(&str, Access)] = bindings!();
-        let kernel = |layer: u32| Kernel::new::<()>(gpu, "irradiance", shaders::IRRADIANCE, BINDINGS, SCENE_STRUCTS, &[(1, layer)]);
+        let kernel = |layer: u32| {
+            Kernel::new::<()>(gpu, "irradiance", shaders::IRRADIANCE, BINDINGS, SCENE_STRUCTS, &[(1, layer)])
+        };
         Ok(Self { real: kernel(0)?, other: kernel(1)? })
     }
 
     /// Records the real list, and the virtual one unless the view shows no objects.
-    pub fn record(&self, frame: &mut Frame, view: &View, panorama: &Resources, scene: &SceneBuffers, relight: &Relight, objects: bool) -> Result<()> {
+    pub fn record(
+        &self,
+        frame: &mut Frame,
+        view: &View,
+        panorama: &Resources,
+        scene: &SceneBuffers,
+        relight: &Relight,
+        objects: bool,
+    ) -> Result<()> {
         let mut relit = Resources::default();
         relit.add("relight_real", Resource::Image(relight.real.clone()));
         relit.add("relight_change", Resource::Image(relight.change.clone()));

@@ -1,7 +1,14 @@
 //! `light_table`, per video frame: the panorama's lamps and windows as something to draw directions from.
 
-use super::{panorama::Panorama, resources::{Kernel, Resources}};
-use crate::{Result, gpu::{Access, Frame, Gpu, Threads}, shaders};
+use super::{
+    panorama::Panorama,
+    resources::{Kernel, Resources},
+};
+use crate::{
+    Result,
+    gpu::{Access, Frame, Gpu, Threads},
+    shaders,
+};
 
 /// Columns and rows of the table's cells, as `LIGHT_CELLS` in `light.glsl`.
 pub const CELLS: [u32; 2] = [256, 128];
@@ -18,7 +25,8 @@ pub struct LightTable {
 impl LightTable {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        const WRITE: &[(&str, Access)] = &[("in_view", Access::Read), ("in_panorama_radiance", Access::Read), ("lights", Access::ReadWrite)];
+        const WRITE: &[(&str, Access)] =
+            &[("in_view", Access::Read), ("in_panorama_radiance", Access::Read), ("lights", Access::ReadWrite)];
         const SUMS: &[(&str, Access)] = &[("lights", Access::ReadWrite)];
         Ok(Self {
             cells: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_CELLS, WRITE, &[], &[])?,

@@ -1,7 +1,10 @@
 //! `normals`, per video frame: plane fits through the depth, hole-aware and edge-aware; depth that came as integer codes moves onto
 //! its plane within its step.
 
-use super::{panorama::Panorama, resources::{Kernel, Resources}};
+use super::{
+    panorama::Panorama,
+    resources::{Kernel, Resources},
+};
 use crate::{
     Result,
     gpu::{Access, Bind, Frame, Gpu, Threads},
@@ -31,7 +34,8 @@ impl Normals {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         use Access::{Read, ReadWrite, Write};
-        const FIT: &[(&str, Access)] = &[("in_view", Read), ("in_depth", Read), ("in_angles", Read), ("out_plane", Write)];
+        const FIT: &[(&str, Access)] =
+            &[("in_view", Read), ("in_depth", Read), ("in_angles", Read), ("out_plane", Write)];
         const SELECT: &[(&str, Access)] = &[
             ("in_view", Read),
             ("in_depth", Read),
@@ -47,7 +51,14 @@ impl Normals {
     }
 
     /// Records both dispatches. `radius` 0 chooses by the depth's quality: integer codes are noisy and want wide fits.
-    pub fn record(&self, frame: &mut Frame, panorama: &Panorama, view: &Resources, quantisation: Quantisation, radius: u32) -> Result<()> {
+    pub fn record(
+        &self,
+        frame: &mut Frame,
+        panorama: &Panorama,
+        view: &Resources,
+        quantisation: Quantisation,
+        radius: u32,
+    ) -> Result<()> {
         let [width, height] = panorama.depth_size;
         let (step_disparity, step_radial) = match quantisation {
             Quantisation::None => (0.0, 0.0),

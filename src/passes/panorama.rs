@@ -56,7 +56,13 @@ const LARGEST: u32 = 32768;
 
 impl Panorama {
     /// Allocates for frames of these sizes; `color_levels` mip levels of radiance.
-    pub fn new(gpu: &Gpu, color_size: [u32; 2], depth_size: [u32; 2], yaw_degrees: f32, color_levels: u32) -> Result<Self> {
+    pub fn new(
+        gpu: &Gpu,
+        color_size: [u32; 2],
+        depth_size: [u32; 2],
+        yaw_degrees: f32,
+        color_levels: u32,
+    ) -> Result<Self> {
         for size in [color_size, depth_size] {
             if size.contains(&0) || size.iter().any(|&n| n >= LARGEST) {
                 let problem = format!("{}×{} texels", size[0], size[1]);
@@ -71,8 +77,10 @@ impl Panorama {
         resources.add("panorama_radiance", Resource::Image(radiance.clone()));
         resources.add("panorama_levels", Resource::Image(radiance.clone()));
         resources.add("depth", Resource::Buffer(gpu.buffer("panorama depth", (texels + 2) * 4)?));
-        resources.add("angles", Resource::Buffer(gpu.buffer_with("panorama angles", &angles(depth_size, yaw_degrees))?));
-        resources.add("panorama_normal", Resource::Image(gpu.image("panorama normal", depth_size, 1, 1, Format::Rgba16f)?));
+        resources
+            .add("angles", Resource::Buffer(gpu.buffer_with("panorama angles", &angles(depth_size, yaw_degrees))?));
+        resources
+            .add("panorama_normal", Resource::Image(gpu.image("panorama normal", depth_size, 1, 1, Format::Rgba16f)?));
         resources.add("plane", Resource::Image(gpu.image("panorama plane", depth_size, 1, 1, Format::Rgba32f)?));
         resources.add("pyramid", Resource::Buffer(gpu.buffer("depth pyramid", u64::from(shape.nodes) * 24)?));
         resources.add("lights", Resource::Buffer(gpu.buffer("light table", super::light_table::BYTES)?));

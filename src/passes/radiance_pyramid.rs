@@ -1,7 +1,14 @@
 //! `radiance_pyramid`, per video frame: mip levels of the panorama's radiance, where the picture is coarser than it.
 
-use super::{panorama::Panorama, resources::{Kernel, Resources}};
-use crate::{Result, gpu::{Access, Frame, Gpu, Threads}, shaders};
+use super::{
+    panorama::Panorama,
+    resources::{Kernel, Resources},
+};
+use crate::{
+    Result,
+    gpu::{Access, Frame, Gpu, Threads},
+    shaders,
+};
 
 /// See the module.
 pub struct RadiancePyramid(Kernel);

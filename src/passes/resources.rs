@@ -2,7 +2,9 @@
 
 use crate::{
     Error, Result,
-    gpu::{Access, Bind, Buffer, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout, StructLayout, Threads},
+    gpu::{
+        Access, Bind, Buffer, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout, StructLayout, Threads,
+    },
 };
 
 /// What a name stands for.
@@ -65,7 +67,11 @@ pub struct Kernel {
 impl Kernel {
     /// Declares and builds a pass: bindings by GLSL name with their access, `P` its push constants.
     pub fn new<P: GpuStruct>(
-        gpu: &Gpu, name: &'static str, spirv: &'static [u32], bindings: &'static [(&'static str, Access)], structs: &'static [StructLayout],
+        gpu: &Gpu,
+        name: &'static str,
+        spirv: &'static [u32],
+        bindings: &'static [(&'static str, Access)],
+        structs: &'static [StructLayout],
         specialization: &[(u32, u32)],
     ) -> Result<Self> {
         let push = (size_of::<P>() > 0).then(PushLayout::of::<P>);
@@ -75,13 +81,19 @@ impl Kernel {
 
     /// Records one dispatch; `special` goes before the pools, which are searched in order.
     pub fn dispatch<P: GpuStruct>(
-        &self, frame: &mut Frame, special: &[(&'static str, Bind)], pools: &[&Resources], push: &P, threads: Threads,
+        &self,
+        frame: &mut Frame,
+        special: &[(&'static str, Bind)],
+        pools: &[&Resources],
+        push: &P,
+        threads: Threads,
     ) -> Result<()> {
         let mut bound = Vec::with_capacity(self.declaration.bindings.len());
         for (name, _) in self.declaration.bindings {
             let bind = special.iter().find(|(n, _)| n == name).map(|(_, bind)| bind.clone());
             let bind = bind.or_else(|| pools.iter().find_map(|pool| pool.find(name)));
-            let bind = bind.ok_or_else(|| Error::Internal(format!("{}: nothing is called {name}", self.declaration.name)))?;
+            let bind =
+                bind.ok_or_else(|| Error::Internal(format!("{}: nothing is called {name}", self.declaration.name)))?;
             bound.push((*name, bind));
         }
         frame.dispatch(&self.pass, &bound, push, threads)

@@ -47,7 +47,8 @@ impl SamplingMask {
             short_history: settings.short_history,
             sharp_roughness: settings.sharp_roughness,
         };
-        let recorded = self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Size([view.size[0], view.size[1], 1]));
+        let recorded =
+            self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Size([view.size[0], view.size[1], 1]));
         frame.scope_end();
         recorded
     }

@@ -41,14 +41,26 @@ impl Temporal {
             ("out_b", Write),
             ("out_moments", Write),
         ];
-        let kernel = |clamp: u32| Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, BINDINGS, &[], &[(2, clamp)]);
+        let kernel =
+            |clamp: u32| Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, BINDINGS, &[], &[(2, clamp)]);
         Ok(Self { still: kernel(0)?, clamped: kernel(1)? })
     }
 
     /// Records the dispatch; `interpolated`: untraced pixels hold a value; `clamp_spread` in standard deviations, 0 for none.
-    pub fn record(&self, frame: &mut Frame, view: &View, history_valid: bool, interpolated: bool, clamp_spread: f32) -> Result<()> {
+    pub fn record(
+        &self,
+        frame: &mut Frame,
+        view: &View,
+        history_valid: bool,
+        interpolated: bool,
+        clamp_spread: f32,
+    ) -> Result<()> {
         let kernel = if clamp_spread > 0.0 { &self.clamped } else { &self.still };
-        let push = TemporalPush { history_valid: u32::from(history_valid), interpolated: u32::from(interpolated), clamp_spread };
+        let push = TemporalPush {
+            history_valid: u32::from(history_valid),
+            interpolated: u32::from(interpolated),
+            clamp_spread,
+        };
         kernel.dispatch(frame, &[], &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
     }
 }

@@ -127,9 +127,11 @@ impl View {
     /// Allocates a picture. `label` prefixes resource names in messages.
     pub fn new(gpu: &Gpu, label: &str, size: [u32; 2]) -> Result<Self> {
         let mut resources = Resources::default();
-        let image = |name: &str, layers: u32, format: Format| gpu.image(&format!("{label} {name}"), size, layers, 1, format);
+        let image =
+            |name: &str, layers: u32, format: Format| gpu.image(&format!("{label} {name}"), size, layers, 1, format);
         // G-buffer
-        for (name, format) in [("position", Format::Rgba32f), ("normal", Format::Rgba16f), ("motion", Format::Rgba32f)] {
+        for (name, format) in [("position", Format::Rgba32f), ("normal", Format::Rgba16f), ("motion", Format::Rgba32f)]
+        {
             resources.add(name, Resource::History([image(name, 2, format)?, image(name, 2, format)?]));
         }
         for (name, format) in [
@@ -148,7 +150,8 @@ impl View {
             resources.add(name, Resource::Image(image(name, 2, Format::Rgba32f)?));
         }
         for name in ["a", "b", "moments"] {
-            resources.add(name, Resource::History([image(name, 2, Format::Rgba32f)?, image(name, 2, Format::Rgba32f)?]));
+            resources
+                .add(name, Resource::History([image(name, 2, Format::Rgba32f)?, image(name, 2, Format::Rgba32f)?]));
         }
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let tiles = u64::from(size[0].div_ceil(8)) * u64::from(size[1].div_ceil(8));
