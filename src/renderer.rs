@@ -160,9 +160,8 @@ impl Renderer {
         self.normals.record(frame, &self.panorama, view, self.quantisation, self.options.settings.normal_radius)?;
         frame.barrier("depth_pyramid bounds the depth that normals wrote");
         self.depth_pyramid.record(frame, &self.panorama, view)?;
-        self.light_table.record(frame, &self.panorama, view)?;
-        frame.barrier("all passes read the prepared panorama");
-        Ok(())
+        // the passes that read the panorama come after gbuffer's own barrier; the pyramid is done before light_table's
+        self.light_table.record(frame, &self.panorama, view)
     }
 
     /// Real surfaces, relit, for rays to see: the pipeline's own passes on a coarse panoramic view.
@@ -170,8 +169,7 @@ impl Renderer {
         frame.scope("relight");
         for (level, view) in self.relight.iter().enumerate() {
             let below = level.checked_sub(1).map(|below| &self.relight[below]);
-            self.trace(frame, view, below, state)?;
-            frame.barrier("rays read the relit panorama");
+            self.trace(frame, view, below, state)?; // rays see it after the next view's barriers
         }
         frame.scope_end();
         Ok(())
@@ -201,7 +199,6 @@ impl Renderer {
         let interpolate = settings.sampling_mask && settings.interpolate;
 
         self.gbuffer[usize::from(off_centre)].record(frame, view, panorama, &self.scene)?;
-        frame.barrier("sampling_mask reads the G-buffer");
         self.sampling_mask.record(frame, view, settings, history)?;
         frame.barrier("irradiance reads the compacted pixels");
         self.irradiance.record(frame, view, panorama, &self.scene, &relight, is_picture)?;

@@ -2,15 +2,14 @@
 // Energy: the GGX lobe is scaled by 1 + F0 (1/E − 1) (Turquin 2019) to make up for the missing multiple scattering;
 // the Lambert lobe gets what the GGX lobe leaves, 1 − ρ(μ_o).
 
-// Directional albedo of GGX, 32×32 over (cos θ_o, roughness): ρ = F0·x + F90·y. `brdf_table` in passes/brdf.rs.
+// Directional albedo of GGX, 32×32 over (cos θ_o, roughness), 0 and 1 included: ρ = F0·x + F90·y. `brdf_table` in passes/brdf.rs.
 layout(set = 0, binding = 20, scalar) readonly buffer Energy { vec2 value[]; } in_energy;
 
 const int ENERGY_SIZE = 32;
 
 vec2 brdf_energy(float cosine, float roughness) {
-    vec2 p = clamp(vec2(cosine, roughness), 0.0, 1.0) * float(ENERGY_SIZE) - 0.5;
-    p = clamp(p, vec2(0.0), vec2(float(ENERGY_SIZE) - 1.001));
-    ivec2 i = ivec2(p);
+    vec2 p = clamp(vec2(cosine, roughness), 0.0, 1.0) * float(ENERGY_SIZE - 1);
+    ivec2 i = min(ivec2(p), ivec2(ENERGY_SIZE - 2));
     vec2 f = p - vec2(i);
     int k = i.y * ENERGY_SIZE + i.x;
     return mix(mix(in_energy.value[k], in_energy.value[k + 1], f.x),

@@ -4,16 +4,16 @@
 pub const ENERGY_SIZE: usize = 32;
 
 /// Directional albedo of the GGX lobe (height-correlated Smith, Schlick) as ρ = F0·x + F90·y, over cos θ_o (columns) and roughness
-/// (rows), both at cell centres; x + y is the albedo of a perfect reflector. Numerical integral of visible-normal samples
+/// (rows), both from 0 to 1 with the ends included; x + y is the albedo of a perfect reflector. Numerical integral of visible-normal samples
 /// (Karis 2013's split of the Fresnel term).
 pub fn brdf_table() -> Vec<[f32; 2]> {
     const SAMPLES: usize = 32;
     let mut table = Vec::with_capacity(ENERGY_SIZE * ENERGY_SIZE);
     for row in 0..ENERGY_SIZE {
-        let roughness = (row as f64 + 0.5) / ENERGY_SIZE as f64;
+        let roughness = row as f64 / (ENERGY_SIZE - 1) as f64;
         let alpha = roughness * roughness;
         for column in 0..ENERGY_SIZE {
-            let cosine = (column as f64 + 0.5) / ENERGY_SIZE as f64;
+            let cosine = (column as f64 / (ENERGY_SIZE - 1) as f64).max(1e-3);
             let o = glam::DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
             let (mut a, mut b) = (0.0, 0.0);
             for i in 0..SAMPLES * SAMPLES {

@@ -40,7 +40,7 @@ impl SamplingMask {
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings, history_valid: bool) -> Result<()> {
         frame.scope("sampling_mask");
         frame.fill(&view.arguments, 0);
-        frame.barrier("sampling_mask counts from zero");
+        frame.barrier("sampling_mask counts from zero and reads the G-buffer");
         let push = SamplingMaskPush {
             dense: u32::from(!settings.sampling_mask),
             history_valid: u32::from(history_valid),

@@ -1,0 +1,171 @@
+//! What the tests of the renderer share: the device under validation, small scenes in memory, frames of them.
+#![allow(dead_code, reason = "each test file uses a part of it")]
+
+use glam::{Vec3, vec3};
+use iprt::{
+    gpu::{Gpu, GpuOptions},
+    panorama::{
+        depth::box_depth,
+        mapping::texel_direction,
+        source::{PanoramaFrame, PanoramaSource},
+    },
+    passes::view::Projection,
+    renderer::{RenderOptions, Renderer},
+    scene::{
+        Object, Scene,
+        animation::{Placement, Track, Transform},
+        camera::{Aim, CameraTrack},
+        file::RenderSettings,
+        material::Material,
+        model::{Mesh, Model},
+        shapes::Shape,
+    },
+    settings::{Method, Settings},
+};
+use std::sync::Arc;
+
+pub type Texels = Vec<[f32; 4]>;
+
+/// Runs a test on a device with core and synchronization validation, destroys the device, and demands that nothing was said.
+pub fn validated(test: impl FnOnce(&Gpu)) {
+    let device = std::env::var("IPRT_DEVICE").ok();
+    let gpu = Gpu::new(&GpuOptions { device, validation: true })
+        .expect("tests need a Vulkan device and the validation layer");
+    test(&gpu);
+    let messages = gpu.destroy().expect("nothing holds the device");
+    assert!(messages.is_empty(), "{messages:#?}");
+}
+
+/// A panorama of any radiance in a box room: full extents, and its centre relative to the capture point.
+pub fn room(size: [u32; 2], extent: Vec3, center: Vec3, radiance: impl Fn(Vec3) -> Vec3) -> PanoramaFrame {
+    let directions = (0..size[0] * size[1]).map(|i| texel_direction(i % size[0], i / size[0], size).as_vec3());
+    PanoramaFrame {
+        color_size: size,
+        radiance: directions.map(|d| radiance(d).extend(1.0).to_array()).collect(),
+        depth_size: size,
+        depth: box_depth(size, extent, center, 0.0),
+        ..Default::default()
+    }
+}
+
+/// Radiance 1 everywhere and a floor at y = −1.5, walls far away.
+pub fn floor() -> PanoramaFrame {
+    room([128, 64], vec3(16.0, 9.5, 16.0), vec3(0.0, 3.25, 0.0), |_| Vec3::ONE)
+}
+
+/// Every texel another colour.
+pub fn colourful(d: Vec3) -> Vec3 {
+    Vec3::splat(0.6) + 0.3 * d + 0.2 * vec3((9.0 * d.x).sin(), (11.0 * d.y).cos(), (13.0 * d.z).sin())
+}
+
+pub fn lambert(albedo: f32) -> Material {
+    Material { specular: 0.0, ..Material::plain("lambert", Vec3::splat(albedo), 1.0) }
+}
+
+pub fn metal(roughness: f32) -> Material {
+    Material { metallic: 1.0, ..Material::plain("metal", Vec3::ONE, roughness) }
+}
+
+pub fn object(mesh: Mesh, material: Material, at: Vec3) -> Object {
+    Object {
+        name: mesh.name.clone(),
+        model: Arc::new(Model::from_mesh(mesh, material)),
+        placement: Placement::fixed(Transform { translation: at, ..Transform::IDENTITY }),
+        clip: None,
+        speed: 1.0,
+    }
+}
+
+pub fn ball(radius: f32, material: Material, at: Vec3) -> Object {
+    object(Shape::Sphere.mesh(Vec3::splat(2.0 * radius)), material, at)
+}
+
+/// A ball of many more triangles than the built-in one: its silhouette is a circle's to 1e-4.
+pub fn fine_ball(radius: f32, material: Material, at: Vec3) -> Object {
+    const RINGS: u32 = 96;
+    let mut mesh = Mesh { name: "fine ball".into(), ..Default::default() };
+    for ring in 0..=RINGS {
+        for sector in 0..=2 * RINGS {
+            let (sin, cos) = (std::f32::consts::PI * ring as f32 / RINGS as f32).sin_cos();
+            let (x, z) = (std::f32::consts::PI * (sector % (2 * RINGS)) as f32 / RINGS as f32).sin_cos();
+            mesh.normals.push(vec3(sin * x, cos, sin * z).normalize());
+        }
+    }
+    mesh.positions = mesh.normals.iter().map(|n| radius * n).collect();
+    let columns = 2 * RINGS + 1;
+    for ring in 0..RINGS {
+        for sector in 0..2 * RINGS {
+            let a = ring * columns + sector;
+            if ring > 0 {
+                mesh.triangles.push([a, a + columns, a + 1]);
+            }
+            if ring + 1 < RINGS {
+                mesh.triangles.push([a + 1, a + columns, a + columns + 1]);
+            }
+        }
+    }
+    mesh.materials = vec![0; mesh.triangles.len()];
+    object(mesh, material, at)
+}
+
+pub fn moving(object: Object, from: Vec3, to: Vec3) -> Object {
+    let translation = Track::from_keys(vec![(0.0, from), (1.0, to)], from);
+    Object { placement: Placement { translation, ..object.placement }, ..object }
+}
+
+/// A camera at a point that looks at another.
+pub fn camera(position: Vec3, target: Vec3, fov_y: f32) -> CameraTrack {
+    CameraTrack {
+        aim: Aim::LookAt(Track::constant(target)),
+        fov_y_degrees: Track::constant(fov_y),
+        ..CameraTrack::at_point(position)
+    }
+}
+
+pub fn scene(panorama: PanoramaFrame, camera: CameraTrack, objects: Vec<Object>) -> Scene {
+    let panorama = PanoramaSource::from_frames(vec![panorama], 30.0, Vec3::ZERO, 0.0).expect("a good panorama");
+    Scene::assemble("test", panorama, camera, objects, RenderSettings::default()).expect("a good scene")
+}
+
+pub const SIZE: [u32; 2] = [64, 48];
+
+/// A method's settings with some of them set, perspective, [`SIZE`].
+pub fn options(method: Method, set: &[(&str, &str)]) -> RenderOptions {
+    let mut settings = Settings::of(method);
+    for (name, value) in set {
+        settings.set(name, value, "test").expect("a good setting");
+    }
+    RenderOptions { size: SIZE, method, settings, projection: Projection::Perspective, seed: 1, without_objects: false }
+}
+
+/// A renderer after this many frames at time 0.
+pub fn rendered(gpu: &Gpu, scene: &Scene, options: RenderOptions, frames: u32) -> Renderer {
+    let mut renderer = Renderer::new(gpu, scene, options).expect("fits");
+    for _ in 0..frames {
+        renderer.render(scene, 0.0).expect("renders");
+    }
+    renderer
+}
+
+pub fn aov(renderer: &Renderer, name: &str) -> Texels {
+    let texels = renderer.aov(name).expect("there is such an image");
+    assert!(texels.iter().flatten().all(|x| x.is_finite()), "{name} is finite");
+    texels
+}
+
+/// The unit direction through a point of a perspective picture, in pixels, of a camera that looks at `target` from `position`.
+pub fn pixel_direction(track: &CameraTrack, time: f64, size: [u32; 2], pixel: glam::Vec2) -> Vec3 {
+    let camera = track.at(time);
+    let tan = (0.5 * camera.fov_y_degrees.to_radians()).tan();
+    let ndc = pixel / glam::vec2(size[0] as f32, size[1] as f32) * 2.0 - 1.0;
+    (camera.rotation * vec3(ndc.x * tan * size[0] as f32 / size[1] as f32, -ndc.y * tan, -1.0)).normalize()
+}
+
+/// Where a point is in such a picture, in pixels.
+pub fn project(track: &CameraTrack, time: f64, size: [u32; 2], point: Vec3) -> glam::Vec2 {
+    let camera = track.at(time);
+    let tan = (0.5 * camera.fov_y_degrees.to_radians()).tan();
+    let local = camera.rotation.inverse() * (point - camera.position);
+    let ndc = glam::vec2(local.x * size[1] as f32 / size[0] as f32, -local.y) / (-local.z * tan);
+    (ndc * 0.5 + 0.5) * glam::vec2(size[0] as f32, size[1] as f32)
+}
