@@ -64,6 +64,9 @@ void main() {
     float lobe = layer == VIRTUAL ? 64.0 * normal.w * normal.w : 1e6;
     float pixel = position.w * pixel_angle();
     vec3 sum_a = vec3(0.0), sum_b = vec3(0.0);
+    // A pixel with no neighbour on its surface (noise in depth, a sliver) takes its neighbours' light whatever their surface.
+    vec3 loose_a = vec3(0.0), loose_b = vec3(0.0);
+    float loose_total = 0.0, geometry_total = 0.0;
     vec2 total = vec2(0.0), variance_sum = vec2(0.0), first = vec2(0.0), second = vec2(0.0);
     for (int y = -2; y <= 2; y++) {
         for (int x = -2; x <= 2; x++) {
@@ -75,7 +78,12 @@ void main() {
             vec4 qn = imageLoad(in_normal, ivec3(q, layer));
             float reach = length(vec2(x, y)) * float(push.step_size);
             float g = x == 0 && y == 0 ? 1.0 : geometry_weight(position, normal, id, imageLoad(in_position, ivec3(q, layer)), qn, imageLoad(in_motion, ivec3(q, layer)).w, pixel * reach);
-            g *= KERNEL[abs(x)] * KERNEL[abs(y)];
+            float k = KERNEL[abs(x)] * KERNEL[abs(y)];
+            loose_a += k * qa.rgb;
+            loose_b += k * qb.rgb;
+            loose_total += k;
+            g *= k;
+            geometry_total += g;
             vec2 ql = vec2(luminance(qa.rgb), luminance(qb.rgb));
             vec2 w = g * exp(-abs(ql - luma) * inverse);
             if (layer == REAL) w.x = w.y;
@@ -91,6 +99,11 @@ void main() {
     if (total.x <= 1e-12 || total.y <= 1e-12) {
         imageStore(out_a, ivec3(p, layer), known ? a : vec4(vec3(0.0), -1.0));
         imageStore(out_b, ivec3(p, layer), b);
+        return;
+    }
+    if (layer == REAL && push.step_size == 1 && geometry_total < 1.2 * KERNEL[0] * KERNEL[0]) {
+        imageStore(out_a, ivec3(p, layer), vec4(loose_a / loose_total, a.w));
+        imageStore(out_b, ivec3(p, layer), vec4(loose_b / loose_total, b.w));
         return;
     }
     vec2 out_variance = variance_sum / (total * total);
