@@ -187,7 +187,7 @@ fn every_barrier_is_needed() {
         let mut superfluous = vec![];
         for n in 0..barriers {
             renderer.skip_barrier = Some(n);
-            match renderer.render(&scene, if n % 2 == 0 { 1.0 / 30.0 } else { 0.0 }) {
+            match renderer.render(&scene, if n.is_multiple_of(2) { 1.0 / 30.0 } else { 0.0 }) {
                 Err(Error::Internal(text)) => assert!(text.contains("no barrier between"), "{text}"),
                 Err(other) => panic!("barrier {n}: {other}"),
                 Ok(_) => superfluous.push(n),
@@ -195,7 +195,7 @@ fn every_barrier_is_needed() {
         }
         assert!(superfluous.is_empty(), "of {barriers} barriers these can be left out: {superfluous:?}");
         renderer.skip_barrier = None;
-        let timings = renderer.render(&scene, if barriers % 2 == 0 { 1.0 / 30.0 } else { 0.0 }).expect("renders");
+        let timings = renderer.render(&scene, if barriers.is_multiple_of(2) { 1.0 / 30.0 } else { 0.0 }).expect("renders");
         let names: Vec<_> = timings.entries.iter().map(|(name, _)| name.as_str()).collect();
         for pass in iprt::measure::bench::PASSES {
             assert!(names.contains(&pass), "{pass} was among them");
