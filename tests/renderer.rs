@@ -195,7 +195,8 @@ fn every_barrier_is_needed() {
         }
         assert!(superfluous.is_empty(), "of {barriers} barriers these can be left out: {superfluous:?}");
         renderer.skip_barrier = None;
-        let timings = renderer.render(&scene, if barriers.is_multiple_of(2) { 1.0 / 30.0 } else { 0.0 }).expect("renders");
+        let timings =
+            renderer.render(&scene, if barriers.is_multiple_of(2) { 1.0 / 30.0 } else { 0.0 }).expect("renders");
         let names: Vec<_> = timings.entries.iter().map(|(name, _)| name.as_str()).collect();
         for pass in iprt::measure::bench::PASSES {
             assert!(names.contains(&pass), "{pass} was among them");
