@@ -1,0 +1,269 @@
+//! The program as users run it: exit codes, one clear line on stderr, files that are what was asked for, no panic.
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+/// A folder with a small scene: a box room, a ball in it.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        let folder = Self(tempfile::tempdir().expect("a folder"));
+        let texels = |x: u32, y: u32| image::Rgb([(4 * x) as u8, (8 * y) as u8, 90]);
+        image::RgbImage::from_fn(64, 32, texels).save(folder.path("room.png")).expect("writes");
+        folder.write("scene.toml", SCENE);
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).expect("writes");
+    }
+
+    /// Runs `iprt` in this folder.
+    fn run(&self, arguments: &str) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_iprt"));
+        command.args(arguments.split_whitespace()).current_dir(&self.0).env_remove("IPRT_VALIDATION");
+        let output = command.output().expect("runs");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(!stderr.contains("panicked"), "iprt {arguments}: {stderr}");
+        output
+    }
+
+    fn succeeds(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "iprt {arguments}: {stderr}");
+        String::from_utf8(output.stdout).expect("UTF-8")
+    }
+
+    /// Runs it and demands this exit status, and one line on stderr that holds these words.
+    fn fails(&self, arguments: &str, status: i32, words: &[&str]) {
+        let output = self.run(arguments);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(status), "iprt {arguments}: {stderr}");
+        assert_eq!(stderr.trim_end().lines().count(), 1, "iprt {arguments}: {stderr}");
+        for word in words {
+            assert!(stderr.contains(word), "iprt {arguments}: no \"{word}\" in {stderr}");
+        }
+    }
+
+    /// What there is beside the scene's own files.
+    fn others(&self) -> Vec<String> {
+        let files = self.0.path().read_dir().expect("readable");
+        let names = files.map(|f| f.expect("readable").file_name().to_string_lossy().into_owned());
+        names.filter(|name| name != "scene.toml" && name != "room.png").collect()
+    }
+}
+
+const SCENE: &str = r#"
+[panorama]
+color = "room.png"
+depth = { box = [4, 3, 5] }
+[camera]
+position = [0, 0, 0]
+size = [40, 30]
+[[object]]
+name = "ball"
+shape = "sphere"
+size = [0.6, 0.6, 0.6]
+translation = [0, -0.2, -1.5]
+"#;
+
+#[test]
+fn what_the_user_got_wrong_is_told_in_one_line() {
+    let folder = Folder::new();
+    for (arguments, words) in [
+        ("render nowhere.toml -o a.png", &["nowhere.toml"][..]),
+        ("render scene.toml -o a.png --set sampling_msk=true", &["sampling_msk", "did you mean \"sampling_mask\""]),
+        ("render scene.toml -o a.png --set history=-3", &["history", "-3", "1", "16777216"]),
+        ("render scene.toml -o a.png --set history=many", &["history", "many"]),
+        ("render scene.toml -o a.png --set history=NaN", &["history", "NaN"]),
+        ("render scene.toml -o a.png --set history", &["--set", "key=value"]),
+        ("render scene.toml -o a.png --size 12by9", &["--size", "12by9"]),
+        ("render scene.toml -o a.png --size 0x0", &["size", "0"]),
+        ("render scene.toml -o a.png --size 99999x4", &["size", "16384"]),
+        ("render scene.toml -o a.png --method magic", &["--method", "magic", "iprt"]),
+        ("render scene.toml -o a.png --projection fisheye", &["--projection", "fisheye"]),
+        ("render scene.toml -o a.png --exposure 0", &["--exposure"]),
+        ("render scene.toml -o missing/a.png", &["missing/a.png", "folder"]),
+        ("render scene.toml -o a.png --frames 0..1", &["a.png", "pattern"]),
+        ("render scene.toml -o a_%02d.png --frames 3..1", &["--frames", "3..1"]),
+        ("render scene.toml -o a.exr --aov depth", &["--aov", "depth", "position_real"]),
+        ("render scene.toml -o a.png --aov all", &["--aov", "exr"]),
+        ("render scene.toml -o a.jpg", &["a.jpg", ".png", ".exr"]),
+        ("bench scene.toml --json missing/b.json", &["missing/b.json"]),
+        ("bench scene.toml --frames x", &["--frames"]),
+        ("check nowhere.toml", &["nowhere.toml"]),
+    ] {
+        folder.fails(arguments, 2, words);
+    }
+    for arguments in
+        ["render scene.toml -o a.png --sise 4x4", "rander", "render scene.toml", "render -o a.png --seed x"]
+    {
+        let output = folder.run(arguments);
+        assert_eq!(output.status.code(), Some(2), "iprt {arguments}");
+        assert!(!output.stderr.is_empty() && output.stdout.is_empty(), "iprt {arguments}");
+    }
+    assert!(folder.others().is_empty(), "nothing is left behind: {:?}", folder.others());
+}
+
+#[test]
+fn a_device_that_is_not_there_is_another_kind_of_error() {
+    let folder = Folder::new();
+    folder.fails("render scene.toml -o a.png --device nonexistent", 3, &["nonexistent"]);
+    folder.fails("bench scene.toml --device 99", 3, &["99"]);
+    assert!(folder.others().is_empty());
+}
+
+#[test]
+fn pictures_have_the_size_and_layers_asked_for() {
+    let folder = Folder::new();
+    let printed = folder.succeeds("render scene.toml -o a.png --warmup 1 --validation");
+    assert_eq!(printed.trim(), "a.png");
+    let picture = image::open(folder.path("a.png")).expect("a PNG");
+    assert_eq!((picture.width(), picture.height()), (40, 30), "the scene's own size");
+
+    folder.succeeds("render scene.toml -o a.exr --size 24x17 --warmup 1 --aov all --projection equirect -q");
+    let mut names = vec![];
+    let file = exr::prelude::read_all_flat_layers_from_file(folder.path("a.exr"));
+    for layer in file.expect("an EXR").layer_data {
+        assert_eq!((layer.size.0, layer.size.1), (24, 17));
+        let name = layer.attributes.layer_name.map(|name| name.to_string()).unwrap_or_default();
+        for channel in &layer.channel_data.list {
+            names.push(format!("{name}.{}", channel.name));
+            let finite = channel.sample_data.values_as_f32().all(f32::is_finite);
+            assert!(finite, "{name}.{} is finite", channel.name);
+        }
+    }
+    for wanted in
+        ["irradiance_real", "irradiance_mixed", "camera_radiance", "real_coverage", "motion_virtual", "object_id"]
+    {
+        assert!(names.iter().any(|name| name.contains(wanted)), "{wanted} is among {names:?}");
+    }
+
+    folder.succeeds("render scene.toml -o b_%03d.png --frames 2..3 --warmup 0 --size 9x7 -q --without-objects");
+    for name in ["b_002.png", "b_003.png"] {
+        let picture = image::open(folder.path(name)).expect("a PNG");
+        assert_eq!((picture.width(), picture.height()), (9, 7));
+    }
+    // a picture that is there is replaced whole
+    folder.succeeds("render scene.toml -o a.png --size 1x1 --warmup 0 -q");
+    assert_eq!(image::open(folder.path("a.png")).expect("a PNG").width(), 1);
+    let mut left = folder.others();
+    left.sort();
+    assert_eq!(left, ["a.exr", "a.png", "b_002.png", "b_003.png"]);
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(path).expect("written")).expect("JSON")
+}
+
+#[test]
+fn bench_writes_its_schema() {
+    let folder = Folder::new();
+    let files = "--json b.json --csv b.csv --trace b.trace";
+    let table = folder.succeeds(&format!("bench scene.toml --size 160x120 --frames 0..4 --warmup 2 -q {files}"));
+    let report = json(&folder.path("b.json"));
+    let object = report.as_object().expect("an object");
+    for key in ["device", "driver", "scene", "method"] {
+        assert!(object[key].as_str().is_some_and(|text| !text.is_empty()), "{key}");
+    }
+    assert_eq!(
+        (&report["size"], &report["frames"], &report["warmup"]),
+        (&serde_json::json!([160, 120]), &5.into(), &2.into())
+    );
+    assert!(report["settings"].get("rays_per_pixel").is_some());
+    assert!(report["memory"]["device_bytes"].as_u64().expect("a number") > 1 << 20);
+    let passes = report["passes"].as_array().expect("an array");
+    let names: Vec<_> = passes.iter().map(|pass| pass["name"].as_str().expect("a name")).collect();
+    assert_eq!(
+        names,
+        [
+            "radiance_pyramid",
+            "normals",
+            "depth_pyramid",
+            "light_table",
+            "relight",
+            "gbuffer",
+            "sampling_mask",
+            "irradiance",
+            "interpolate",
+            "temporal",
+            "atrous",
+            "composite",
+        ]
+    );
+    for pass in passes {
+        let time = |key: &str| pass[key].as_f64().expect("a number");
+        assert!(table.contains(pass["name"].as_str().expect("a name")));
+        match pass["off"].as_str() {
+            Some(reason) => assert!(!reason.is_empty() && time("median_ms") == 0.0 && time("max_ms") == 0.0, "{pass}"),
+            None => {
+                assert!(pass["off"].is_null(), "{pass}");
+                assert!(0.0 < time("min_ms") && time("min_ms") <= time("median_ms"), "{pass}");
+                assert!(time("median_ms") <= time("p95_ms") && time("p95_ms") <= time("max_ms"), "{pass}");
+            }
+        }
+        // the panorama stands still, and is nowhere finer than the picture
+        let once = ["radiance_pyramid", "normals", "depth_pyramid", "light_table"]
+            .contains(&pass["name"].as_str().expect("a name"));
+        assert_eq!(pass["off"].is_string(), once, "{pass}");
+    }
+    let frame = &report["frame"];
+    for key in ["gpu_median_ms", "gpu_p95_ms", "wall_median_ms", "wall_p95_ms"] {
+        assert!(frame[key].as_f64().expect("a number") > 0.0, "{key}");
+    }
+    let coverage = frame["coverage"].as_f64().expect("a number");
+    assert!((0.95..=1.0001).contains(&coverage), "{coverage}");
+
+    let csv = std::fs::read_to_string(folder.path("b.csv")).expect("written");
+    let first: Vec<_> = csv.lines().map(|line| line.split(',').next().expect("a column")).collect();
+    assert_eq!(first[0], "pass");
+    assert_eq!(first[1..13], names[..]);
+    let events = json(&folder.path("b.trace"))["traceEvents"].as_array().expect("events").clone();
+    assert!(events.len() > 5 * 8, "{} events", events.len());
+    for event in &events {
+        assert!(
+            event["name"].is_string() && event["ph"] == "X" && event["dur"].as_f64().expect("a number") >= 0.0,
+            "{event}"
+        );
+    }
+
+    // settings that switch passes off are the reason given
+    let off = "--set sampling_mask=false --set atrous_levels=0 --set relight_levels=0";
+    folder.succeeds(&format!("bench scene.toml --size 32x24 --frames 0..1 --warmup 1 -q --json off.json {off}"));
+    let report = json(&folder.path("off.json"));
+    for (pass, reason) in [("relight", "relight_levels"), ("interpolate", "sampling_mask"), ("atrous", "atrous_levels")]
+    {
+        let entry =
+            report["passes"].as_array().expect("an array").iter().find(|entry| entry["name"] == pass).expect("listed");
+        assert!(entry["off"].as_str().is_some_and(|text| text.contains(reason)), "{entry}");
+    }
+}
+
+#[test]
+fn check_reports_every_problem() {
+    let folder = Folder::new();
+    assert!(folder.succeeds("check scene.toml").contains("no problems"));
+    // first what the text says, then what the files hold
+    let misspelt = SCENE.replace("shape = \"sphere\"", "shape = \"spere\"").replace("[camera]", "[camera]\nfov = 3");
+    let lacking = SCENE.replace("room.png", "gone.png").replace("shape = \"sphere\"", "gltf = \"lost.glb\"");
+    let lacking = lacking.replace("size = [0.6, 0.6, 0.6]", "");
+    for (text, words) in [(misspelt, ["sphere", "fov_y"]), (lacking, ["gone.png", "lost.glb"])] {
+        folder.write("bad.toml", &text);
+        let output = folder.run("check bad.toml");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(words.iter().all(|word| stderr.contains(word)), "{stderr}");
+        assert_eq!(stderr.lines().count(), 2, "one line a problem: {stderr}");
+    }
+    folder.write("broken.toml", "[panorama\ncolor = 3");
+    folder.fails("check broken.toml", 2, &["broken.toml"]);
+    folder.fails("render bad.toml -o a.png", 2, &["lost.glb"]);
+}
