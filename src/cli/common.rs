@@ -108,7 +108,11 @@ impl PictureArgs {
             "perspective" => Projection::Perspective,
             "equirect" => Projection::Equirect,
             other => {
-                return Err(Error::input("--projection", format!("unknown \"{other}\""), "use perspective or equirect"));
+                return Err(Error::input(
+                    "--projection",
+                    format!("unknown \"{other}\""),
+                    "use perspective or equirect",
+                ));
             }
         };
         let size = match &self.size {
