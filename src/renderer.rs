@@ -75,6 +75,7 @@ pub struct Renderer {
 
 /// What is the same for all views of a frame.
 struct FrameState {
+    video_frame: usize,
     new_video_frame: bool,
     moving: bool,
     viewpoint: Viewpoint,
@@ -254,14 +255,13 @@ impl Renderer {
         let moving = objects_move || (new_video_frame && self.video_frame.is_some());
         let viewpoint = viewpoint(&self.options, scene, &state.camera);
         self.scene.update(&self.gpu, state.instances, scene.panorama.position)?;
-        self.video_frame = Some(video_frame);
         for view in std::iter::once(&mut self.picture).chain(&mut self.relight) {
             view.resources.swap_history();
             if let Some(reason) = view.history_reset {
                 tracing::debug!("history is reset: {reason}");
             }
         }
-        Ok(FrameState { new_video_frame, moving, viewpoint })
+        Ok(FrameState { video_frame, new_video_frame, moving, viewpoint })
     }
 
     fn end_frame(&mut self, state: &FrameState, time: f64) {
@@ -269,6 +269,8 @@ impl Renderer {
         for view in &mut self.relight {
             end_view(view, relight_viewpoint(self.panorama.yaw_degrees));
         }
+        // only now: a frame that failed leaves the panorama unprepared
+        self.video_frame = Some(state.video_frame);
         self.previous_time = Some(time);
         self.frame += 1;
     }

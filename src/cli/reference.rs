@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> Result<()> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    write(&renderer, &args.output, kind, scene.render.exposure, &args.aov)?;
+    write(&renderer, &scene, &args.output, kind, scene.render.exposure, &args.aov)?;
     if !args.picture.quiet {
         println!(
             "{}: {} paths a pixel, standard error {:.2} % of the mean",

@@ -12,6 +12,7 @@ use crate::{
     scene::Scene,
     settings::Method,
 };
+use glam::Vec3;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt render`.
@@ -88,7 +89,7 @@ pub fn run(args: &Args) -> Result<()> {
             bar.inc(1);
         }
         let path = if sequence { expand(&args.output, frame) } else { args.output.clone() };
-        write(&renderer, &path, kind, exposure, &args.aov)?;
+        write(&renderer, &scene, &path, kind, exposure, &args.aov)?;
         bar.suspend(|| {
             if !args.picture.quiet {
                 println!("{}", path.display());
@@ -129,10 +130,22 @@ impl Kind {
 }
 
 /// Writes the renderer's last picture.
-pub fn write(renderer: &Renderer, path: &Path, kind: Kind, exposure: f32, aovs: &[String]) -> Result<()> {
+pub fn write(
+    renderer: &Renderer,
+    scene: &Scene,
+    path: &Path,
+    kind: Kind,
+    exposure: f32,
+    aovs: &[String],
+) -> Result<()> {
     let size = renderer.options().size;
-    let picture = renderer.picture()?;
+    let mut picture = renderer.picture()?;
     if kind == Kind::Png {
+        // saturated texels that were raised on loading come down again
+        for texel in &mut picture {
+            let color = scene.panorama.for_display(Vec3::new(texel[0], texel[1], texel[2]));
+            texel[..3].copy_from_slice(&color.to_array());
+        }
         return write_display(path, size, &picture, exposure);
     }
     let mut layers = vec![ExrLayer::rgb("", size, &picture)];

@@ -169,7 +169,6 @@ fn pass_time(name: &str, samples: &[Sample], prepared: &Timings, settings: &Sett
                 "sampling_mask = false: every pixel is traced".to_owned()
             }
             (None, "interpolate") => "interpolate = false".to_owned(),
-            (None, "temporal") => "temporal = false".to_owned(),
             (None, "atrous") => "atrous_levels = 0".to_owned(),
             (None, _) => "not dispatched: warm-up prepared it".to_owned(),
         };

@@ -115,6 +115,18 @@ impl PanoramaSource {
         Ok(Self { frames: Frames::Memory(frames), fps, position, yaw_degrees, inverse_tonemap: 1.0 })
     }
 
+    /// Radiance as an LDR output shows it: what `inverse_tonemap` raised on loading comes down again.
+    pub fn for_display(&self, radiance: Vec3) -> Vec3 {
+        let exposure = match &self.frames {
+            Frames::Files { spec, .. } if spec.exposure > 0.0 => spec.exposure,
+            _ => 1.0,
+        };
+        if self.inverse_tonemap <= 1.0 {
+            return radiance;
+        }
+        tone::compress(radiance / exposure, self.inverse_tonemap) * exposure
+    }
+
     /// Frames read from files when they are asked for. Finds the files, but does not read them.
     ///
     /// # Errors
