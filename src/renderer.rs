@@ -70,6 +70,8 @@ pub struct Renderer {
     frame: u32,
     #[doc(hidden)]
     pub skip_barrier: Option<usize>,
+    #[doc(hidden)]
+    pub repeat: Option<(&'static str, u32)>,
     barriers: usize,
 }
 
@@ -126,6 +128,7 @@ impl Renderer {
             frame: 0,
             options,
             skip_barrier: None,
+            repeat: None,
             barriers: 0,
         })
     }
@@ -139,6 +142,7 @@ impl Renderer {
         self.upload_views(&state)?;
         let mut frame = self.gpu.frame()?;
         frame.skip_barrier(self.skip_barrier);
+        frame.repeat(self.repeat);
 
         if state.new_video_frame {
             self.prepare_panorama(&mut frame)?;

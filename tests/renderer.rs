@@ -309,3 +309,25 @@ fn motion_vectors_point_to_where_things_were() {
         assert!(found[0] > 2000 && found[1] > 100, "{found:?}");
     });
 }
+
+#[test]
+fn a_slow_pass_shows_in_its_own_entry_alone() {
+    validated(|gpu| {
+        let scene = scene(
+            small_room(),
+            camera(Vec3::ZERO, Vec3::NEG_Z, 60.0),
+            vec![ball(0.3, lambert(0.5), vec3(0.0, 0.0, -1.5))],
+        );
+        let mut renderer = Renderer::new(gpu, &scene, options(Method::Iprt, &[])).expect("fits");
+        let mut composite_share = |repeat| {
+            renderer.repeat = repeat;
+            let report = iprt::measure::bench::run(&mut renderer, &scene, 0, 5, 2, || {}).expect("renders");
+            let of = |name: &str| report.passes.iter().find(|p| p.name == name).expect("is a pass").median_ms;
+            (of("composite"), of("atrous"))
+        };
+        // a share of the frame, not a time: the composite runs 400 times more, the filter does not
+        let (composite, atrous) = composite_share(None);
+        let (slow, unchanged) = composite_share(Some(("composite", 400)));
+        assert!(slow / unchanged > 5.0 * composite / atrous, "{slow} of {unchanged}, before {composite} of {atrous}");
+    });
+}

@@ -49,11 +49,13 @@ pub enum Threads<'a> {
     Indirect(&'a Buffer, u64),
 }
 
+#[derive(Clone)]
 pub(super) enum Groups {
     Count([u32; 3]),
     Indirect(Buffer, u64),
 }
 
+#[derive(Clone)]
 pub(super) enum Action {
     Dispatch { pass: Pass, binds: Vec<Bind>, push: Vec<u8>, groups: Groups },
     Fill { buffer: Buffer, value: u32 },
@@ -121,6 +123,7 @@ pub struct Frame {
     scopes: Vec<String>,
     skipped_barrier: Option<usize>,
     ignore_hazards: bool,
+    repeated: Option<(&'static str, u32)>,
 }
 
 impl Gpu {
@@ -135,6 +138,7 @@ impl Gpu {
             scopes: Vec::new(),
             skipped_barrier: None,
             ignore_hazards: false,
+            repeated: None,
         })
     }
 }
@@ -248,6 +252,12 @@ impl Frame {
         self.ignore_hazards = ignore;
     }
 
+    /// For tests: every dispatch of the pass called `name` runs `times` more, so that it is slow.
+    #[doc(hidden)]
+    pub fn repeat(&mut self, repeated: Option<(&'static str, u32)>) {
+        self.repeated = repeated;
+    }
+
     /// Submits what was recorded and waits until it has run.
     ///
     /// # Errors
@@ -273,6 +283,12 @@ impl Frame {
 
     fn run(&mut self, action: Action) {
         let name = self.scopes.first().cloned().unwrap_or_else(|| action.label());
+        if let Some((slow, times)) = self.repeated.filter(|(slow, _)| *slow == action.label()) {
+            for _ in 0..times {
+                self.commands.push(Command::Run { name: name.clone(), action: action.clone() });
+                self.barrier(slow);
+            }
+        }
         self.commands.push(Command::Run { name, action });
     }
 }
