@@ -73,6 +73,7 @@ pub struct Renderer {
     #[doc(hidden)]
     pub repeat: Option<(&'static str, u32)>,
     barriers: usize,
+    prepared: Timings,
 }
 
 /// What is the same for all views of a frame.
@@ -130,6 +131,7 @@ impl Renderer {
             skip_barrier: None,
             repeat: None,
             barriers: 0,
+            prepared: Timings::default(),
         })
     }
 
@@ -154,6 +156,9 @@ impl Renderer {
 
         self.barriers = frame.barriers();
         let timings = frame.submit()?;
+        if state.new_video_frame {
+            self.prepared = timings.clone();
+        }
         self.end_frame(&state, time);
         Ok(timings)
     }
@@ -339,6 +344,11 @@ impl Renderer {
     /// Frames rendered so far.
     pub fn frames(&self) -> u32 {
         self.frame
+    }
+
+    /// Timings of the last frame that prepared a new video frame.
+    pub fn prepared(&self) -> &Timings {
+        &self.prepared
     }
 
     /// Barriers in the last frame.

@@ -106,12 +106,8 @@ pub fn run(
     warmup: u32,
     mut progress: impl FnMut(),
 ) -> Result<Report> {
-    let mut prepared = Timings::default();
-    for n in 0..warmup {
-        let timings = renderer.render(scene, scene.panorama.frame_time(first as usize))?;
-        if n == 0 {
-            prepared = timings;
-        }
+    for _ in 0..warmup {
+        renderer.render(scene, scene.panorama.frame_time(first as usize))?;
         progress();
     }
     let start = Instant::now();
@@ -125,7 +121,7 @@ pub fn run(
     }
     let gpu = renderer.gpu();
     let options = renderer.options();
-    let passes = PASSES.iter().map(|name| pass_time(name, &samples, &prepared, &options.settings, renderer)).collect();
+    let passes = PASSES.iter().map(|name| pass_time(name, &samples, &options.settings, renderer)).collect();
     let mut gpu_ms: Vec<f64> = samples.iter().map(|s| s.timings.gpu_ms).collect();
     let mut wall_ms: Vec<f64> = samples.iter().map(|s| s.wall_ms).collect();
     let share = |s: &Sample| s.timings.entries.iter().map(|(_, ms)| ms).sum::<f64>() / s.timings.gpu_ms.max(1e-9);
@@ -152,7 +148,7 @@ pub fn run(
     })
 }
 
-fn pass_time(name: &str, samples: &[Sample], prepared: &Timings, settings: &Settings, renderer: &Renderer) -> PassTime {
+fn pass_time(name: &str, samples: &[Sample], settings: &Settings, renderer: &Renderer) -> PassTime {
     let total = |timings: &Timings| -> Option<f64> {
         let mut times = timings.entries.iter().filter(|(n, _)| n == name).map(|(_, ms)| *ms).peekable();
         times.peek()?;
@@ -160,7 +156,7 @@ fn pass_time(name: &str, samples: &[Sample], prepared: &Timings, settings: &Sett
     };
     let mut times: Vec<f64> = samples.iter().filter_map(|s| total(&s.timings)).collect();
     if times.is_empty() {
-        let off = match (total(prepared), name) {
+        let off = match (total(renderer.prepared()), name) {
             (Some(ms), _) => format!("the video frame did not change; done once before, {ms:.1} ms"),
             (None, "radiance_pyramid") => "the picture is nowhere coarser than the panorama".to_owned(),
             (None, "relight") if !renderer.has_objects() => "no object".to_owned(),
@@ -170,7 +166,7 @@ fn pass_time(name: &str, samples: &[Sample], prepared: &Timings, settings: &Sett
             }
             (None, "interpolate") => "interpolate = false".to_owned(),
             (None, "atrous") => "atrous_levels = 0".to_owned(),
-            (None, _) => "not dispatched: warm-up prepared it".to_owned(),
+            (None, _) => "nothing to do".to_owned(),
         };
         return PassTime {
             name: name.to_owned(),
