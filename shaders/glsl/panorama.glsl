@@ -2,8 +2,7 @@
 // The surface: a vertex at each texel centre, quads of four neighbours split along (i,j)–(i+1,j+1), a fan to each pole.
 // Rays are traced through a min–max pyramid: the box of vertex positions over blocks of quads, halved to a single box.
 
-// Level 0, and, where the picture is coarser than the panorama (MINIFIED), all mip levels. An image load costs lavapipe a
-// twentieth of a texel fetch.
+// Level 0, and, where the picture is coarser than the panorama (MINIFIED), all mip levels.
 layout(set = 0, binding = 1, rgba32f) uniform readonly image2D in_panorama_radiance;
 #ifdef PANORAMA_LEVELS
 layout(constant_id = 3) const uint MINIFIED = 0;
