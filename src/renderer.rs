@@ -17,11 +17,11 @@ use crate::{
         radiance_pyramid::RadiancePyramid,
         sampling_mask::SamplingMask,
         scene::SceneBuffers,
-        temporal::Temporal,
+        temporal::{self, Temporal},
         view::{Projection, View, ViewData, Viewpoint},
     },
     scene::{Scene, packed::PackedInstances},
-    settings::{Method, Settings},
+    settings::{ClampWhen, Directions, FilterOrder, Method, Settings},
 };
 use glam::{Quat, Vec3};
 
@@ -110,14 +110,14 @@ impl Renderer {
             radiance_pyramid: RadiancePyramid::new(gpu)?,
             normals: Normals::new(gpu)?,
             depth_pyramid: DepthPyramid::new(gpu)?,
-            light_table: LightTable::new(gpu)?,
+            light_table: LightTable::new(gpu, settings)?,
             gbuffer: [Gbuffer::new(gpu, false, color_levels > 1)?, Gbuffer::new(gpu, true, color_levels > 1)?],
             sampling_mask: SamplingMask::new(gpu)?,
-            irradiance: Irradiance::new(gpu)?,
+            irradiance: Irradiance::new(gpu, settings)?,
             interpolate: Interpolate::new(gpu)?,
             temporal: Temporal::new(gpu)?,
             atrous: Atrous::new(gpu)?,
-            composite: Composite::new(gpu)?,
+            composite: Composite::new(gpu, settings)?,
             panorama: Panorama::new(gpu, first.color_size, first.depth_size, scene.panorama.yaw_degrees, color_levels)?,
             scene: SceneBuffers::new(gpu, &scene.packed, state.instances.instances.len())?,
             picture: View::new(gpu, "picture", options.size)?,
@@ -138,8 +138,8 @@ impl Renderer {
     /// Renders the scene at a time in seconds. Motion is measured from the time of the previous call.
     pub fn render(&mut self, scene: &Scene, time: f64) -> Result<Timings> {
         let state = self.advance(scene, time)?;
-        if self.options.method == Method::Reference && self.picture.history_reset.is_some() {
-            self.converge_relight(&state)?;
+        if self.picture.history_reset.is_some() {
+            self.warm_up_relight(&state)?;
         }
         self.upload_views(&state)?;
         let mut frame = self.gpu.frame()?;
@@ -171,7 +171,11 @@ impl Renderer {
         frame.barrier("depth_pyramid bounds the depth that normals wrote");
         self.depth_pyramid.record(frame, &self.panorama, view)?;
         // the passes that read the panorama come after gbuffer's own barrier; the pyramid is done before light_table's
-        self.light_table.record(frame, &self.panorama, view)
+        if self.options.settings.directions != Directions::Brdf {
+            return self.light_table.record(frame, &self.panorama, view);
+        }
+        frame.barrier("rays walk the pyramid");
+        Ok(())
     }
 
     /// Real surfaces, relit, for rays to see: the pipeline's own passes on a coarse panoramic view.
@@ -197,10 +201,10 @@ impl Renderer {
         let is_picture = std::ptr::eq(view, &self.picture);
         let off_centre = is_picture && !state.viewpoint.centred();
         let history = settings.temporal && view.history_reset.is_none();
-        let clamp = if state.moving { settings.clamp } else { 0.0 };
+        let clamp = if state.moving || settings.clamp_when == ClampWhen::Always { settings.clamp } else { 0.0 };
         let relight = match relit {
             Some(map) => {
-                let [real, change] = Atrous::result(map, settings)?;
+                let [real, change] = filtered(map, settings)?;
                 Relight { real, change }
             }
             None => Relight { real: &self.nothing, change: &self.nothing },
@@ -216,17 +220,27 @@ impl Renderer {
             frame.barrier("interpolate reads traced neighbours");
             self.interpolate.record(frame, view, settings)?;
         }
-        frame.barrier("temporal reads this frame's irradiance");
-        self.temporal.record(frame, view, history, interpolate, clamp)?;
-        frame.barrier("atrous reads accumulated irradiance");
-        self.atrous.record(frame, view, settings)?;
-        Atrous::result(view, settings)
+        match settings.filter_order {
+            FilterOrder::TemporalFirst => {
+                frame.barrier("temporal reads this frame's irradiance");
+                self.temporal.record(frame, view, temporal::Input::Irradiance, history, interpolate, clamp)?;
+                frame.barrier("atrous reads accumulated irradiance");
+                self.atrous.record(frame, view, settings)?;
+            }
+            FilterOrder::SpatialFirst => {
+                frame.barrier("atrous reads this frame's irradiance");
+                self.atrous.record(frame, view, settings)?;
+                frame.barrier("temporal reads filtered irradiance");
+                let input = temporal::Input::Filtered(Atrous::result(view, settings)?);
+                self.temporal.record(frame, view, input, history, interpolate, clamp)?;
+            }
+        }
+        filtered(view, settings)
     }
 
-    /// The reference's relit panorama is converged before the first picture is accumulated over it.
-    fn converge_relight(&mut self, state: &FrameState) -> Result<()> {
-        const FRAMES: u32 = 256;
-        for n in 0..if self.relight.is_empty() { 0 } else { FRAMES } {
+    /// Where the picture is to converge, the relit panorama does so before the first one is accumulated over it.
+    fn warm_up_relight(&mut self, state: &FrameState) -> Result<()> {
+        for n in 0..if self.relight.is_empty() { 0 } else { self.options.settings.relight_warmup } {
             self.frame = n;
             self.upload_views(state)?;
             let mut frame = self.gpu.frame()?;
@@ -376,12 +390,10 @@ impl Renderer {
     /// Standard error of the accumulated irradiance, relative to its mean: the root of the mean variance of each pixel's mean over
     /// the mean luminance, real surfaces' change and virtual surfaces' lobes together.
     pub fn standard_error(&self) -> Result<f64> {
-        let image =
-            |name: &str| self.picture.resources.image(name).ok_or_else(|| Error::Internal(format!("no image {name}")));
         let (mut variance, mut mean) = (0.0, 0.0);
         for layer in 0..2 {
             for name in ["a", "b"] {
-                for [r, g, b, v] in self.gpu.read_image(image(name)?, layer)? {
+                for [r, g, b, v] in self.gpu.read_image(self.picture.image(name)?, layer)? {
                     variance += f64::from(v.max(0.0));
                     mean += f64::from(0.2126 * r + 0.7152 * g + 0.0722 * b).abs();
                 }
@@ -407,7 +419,7 @@ impl Renderer {
     /// An image of the last frame by name, as RGBA: `position_real`, `normal_virtual`, `camera_radiance`, …, and the derived
     /// `irradiance_real` (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`, `object_id`.
     pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
-        let [a, b] = Atrous::result(&self.picture, &self.options.settings)?;
+        let [a, b] = filtered(&self.picture, &self.options.settings)?;
         let opaque = |mut texels: Vec<[f32; 4]>| {
             texels.iter_mut().for_each(|t| t[3] = 1.0);
             texels
@@ -425,8 +437,7 @@ impl Renderer {
             "irradiance_virtual" => return Ok(opaque(self.gpu.read_image(a, 1)?)),
             "radiance_specular" => return Ok(opaque(self.gpu.read_image(b, 1)?)),
             "object_id" => {
-                let motion =
-                    self.picture.resources.image("motion").ok_or_else(|| Error::Internal("no motion".into()))?;
+                let motion = self.picture.image("motion")?;
                 return Ok(self.gpu.read_image(motion, 1)?.iter().map(|t| [t[3], t[3], t[3], 1.0]).collect());
             }
             _ => {}
@@ -454,6 +465,14 @@ const DERIVED: [&str; 5] =
 
 /// The two layers of per-surface images.
 const LAYERS: [&str; 2] = ["real", "virtual"];
+
+/// E_R | E and ΔE | specular radiance after both filters.
+fn filtered<'a>(view: &'a View, settings: &Settings) -> Result<[&'a Image; 2]> {
+    match settings.filter_order {
+        FilterOrder::TemporalFirst => Atrous::result(view, settings),
+        FilterOrder::SpatialFirst => Ok([view.image("a")?, view.image("b")?]),
+    }
+}
 
 fn end_view(view: &mut View, viewpoint: Viewpoint) {
     view.previous = Some(viewpoint);

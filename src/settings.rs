@@ -1,44 +1,147 @@
-//! Every approximation is a named setting: one table gives its default, range and meaning.
+//! Every approximation is a named setting: one table gives its default for each method, its range and its meaning.
 
 use crate::{Error, Result};
+use std::fmt::Write;
 
-/// How the picture is made; DESIGN's methods are presets of the same settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// Fast and filtered.
-    Iprt,
-    /// The same model, converged: many paths a pixel, no mask, no filter, no reprojection.
-    Reference,
+/// A setting that names one of several ways.
+macro_rules! choices {
+    ($( $(#[$doc:meta])* $name:ident { $( $variant:ident = $text:literal: $meaning:literal, )* } )*) => { $(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name { $( #[doc = $meaning] $variant, )* }
+
+        impl Value for $name {
+            const CHOICES: &'static [(&'static str, &'static str)] = &[ $( ($text, $meaning), )* ];
+            fn parse(text: &str, _: [f64; 2]) -> Option<Self> {
+                match text { $( $text => Some(Self::$variant), )* _ => None }
+            }
+            fn text(&self) -> String {
+                match self { $( Self::$variant => $text, )* }.to_owned()
+            }
+        }
+    )* };
+}
+
+choices! {
+    /// How the picture is made: the methods are presets of the same settings.
+    Method {
+        Iprt = "iprt": "the default: as good and as fast as this project knows",
+        Paper = "paper": "what the paper states: screen-space tracing of virtual objects, BRDF sampling, spatial and then temporal filter, its equation 2",
+        Ibl = "ibl": "image-based lighting: the panorama by direction alone, as if infinitely far; objects still occlude and cast",
+        Reference = "reference": "the model of `iprt`, converged: many paths a pixel, no mask, no filter",
+    }
+    /// How rays meet the real scene.
+    RealTracer {
+        Surface = "surface": "the surface of the depth map, exactly",
+        Direction = "direction": "not at all: what a ray brings depends on its direction alone",
+    }
+    /// How rays meet virtual objects.
+    VirtualTracer {
+        Bvh = "bvh": "all triangles, by a two-level BVH",
+        Screen = "screen": "what the picture shows of them, by walking its depth (McGuire and Mara 2014)",
+    }
+    /// What draws the directions of rays.
+    Directions {
+        Brdf = "brdf": "the surface's lobes",
+        Light = "light": "the panorama's radiance, from a table that covers all of it; never skirts",
+        Mis = "mis": "lobes and lamps together, by multiple importance sampling",
+    }
+    /// By what `sampling_mask` chooses.
+    MaskBy {
+        History = "history": "a regular share of the pixels, and all that are newly seen or sharp",
+        Discontinuity = "discontinuity": "a ray for each pixel whose 3×3 neighbours leave its surface, for every 2×2 where its 5×5 neighbours do, for every 4×4 elsewhere",
+    }
+    /// Which of the two filters comes first.
+    FilterOrder {
+        TemporalFirst = "temporal_first": "temporal, then atrous on the accumulated mean",
+        SpatialFirst = "spatial_first": "atrous on this frame, then temporal (the paper's order)",
+    }
+    /// When the history is clamped.
+    ClampWhen {
+        Moving = "moving": "while an object moves or the video changes",
+        Always = "always": "in every frame",
+    }
+    /// How a real surface answers a change of its light.
+    Relighting {
+        EmissionKept = "emission_kept": "L_cam + ΔE·min(L_cam/E_R, 1/π): what exceeds a diffuse surface's reflection is a lamp, and stays",
+        Ratio = "ratio": "L_cam·E_RV/E_R, the paper's equation 2",
+    }
 }
 
 impl Method {
+    /// All, the default first.
+    pub const ALL: [Self; 4] = [Self::Iprt, Self::Paper, Self::Ibl, Self::Reference];
+
     /// From its name on the command line or in a scene file.
     pub fn parse(name: &str, subject: &str) -> Result<Self> {
-        match name {
-            "iprt" => Ok(Self::Iprt),
-            "reference" => Ok(Self::Reference),
-            other => Err(Error::input(subject, format!("unknown method \"{other}\""), "use \"iprt\" or \"reference\"")),
-        }
+        let names: Vec<_> = Self::CHOICES.iter().map(|(name, _)| *name).collect();
+        <Self as Value>::parse(name, [0.0; 2]).ok_or_else(|| {
+            Error::input(subject, format!("unknown method \"{name}\""), format!("use {}", names.join(", ")))
+        })
     }
 
     /// The name that [`Method::parse`] takes.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Iprt => "iprt",
-            Self::Reference => "reference",
+    pub fn name(self) -> String {
+        self.text()
+    }
+}
+
+/// What a setting may hold.
+trait Value: Sized {
+    /// Names and meanings of all that it may be, where these can be counted.
+    const CHOICES: &'static [(&'static str, &'static str)] = &[];
+    /// From text, if it is in the range.
+    fn parse(text: &str, range: [f64; 2]) -> Option<Self>;
+    /// What [`Value::parse`] takes.
+    fn text(&self) -> String;
+}
+
+impl Value for bool {
+    const CHOICES: &'static [(&'static str, &'static str)] = &[("true", ""), ("false", "")];
+    fn parse(text: &str, _: [f64; 2]) -> Option<Self> {
+        match text {
+            "true" | "on" | "1" => Some(true),
+            "false" | "off" | "0" => Some(false),
+            _ => None,
         }
+    }
+    fn text(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl Value for u32 {
+    fn parse(text: &str, range: [f64; 2]) -> Option<Self> {
+        let number = if text == "inf" { FOREVER } else { text.parse().ok()? };
+        (range[0]..=range[1]).contains(&f64::from(number)).then_some(number)
+    }
+    fn text(&self) -> String {
+        if *self == FOREVER { "inf".to_owned() } else { self.to_string() }
+    }
+}
+
+impl Value for f32 {
+    fn parse(text: &str, range: [f64; 2]) -> Option<Self> {
+        let number: f64 = text.parse().ok()?;
+        let in_range = number >= range[0] && number <= range[1];
+        in_range.then_some(if number == f64::INFINITY { INFINITE } else { number as f32 })
+    }
+    fn text(&self) -> String {
+        if *self >= INFINITE { "inf".to_owned() } else { self.to_string() }
     }
 }
 
 /// One row of the table: how a setting is called, what it may be and what it means.
 #[derive(Clone, Copy, Debug)]
 pub struct Description {
+    /// The pass that it belongs to.
+    pub pass: &'static str,
     /// The key of `--set key=value`.
     pub name: &'static str,
-    /// Smallest and largest value; switches are 0 and 1.
+    /// Smallest and largest value of a number.
     pub range: [f64; 2],
-    /// Whether it takes `true` and `false`.
-    pub switch: bool,
+    /// Names and meanings of what is not a number.
+    pub choices: &'static [(&'static str, &'static str)],
     /// Unit, or empty.
     pub unit: &'static str,
     /// What it does.
@@ -46,62 +149,102 @@ pub struct Description {
 }
 
 macro_rules! settings {
-    ($( $name:ident : $kind:tt = $iprt:expr, $reference:expr, $range:expr, $unit:literal, $meaning:literal; )*) => {
+    ($( $pass:ident { $( $name:ident : $kind:ty = [$iprt:expr, $paper:expr, $ibl:expr, $reference:expr], $range:expr, $unit:literal, $meaning:literal; )* } )*) => {
         /// The values of all settings.
         #[derive(Clone, Debug, PartialEq)]
-        pub struct Settings { $( #[doc = $meaning] pub $name: settings!(@type $kind), )* }
+        pub struct Settings { $( $( #[doc = $meaning] pub $name: $kind, )* )* }
 
         impl Settings {
-            /// The table that documents and parses them.
-            pub const TABLE: &'static [Description] = &[ $( Description {
-                name: stringify!($name), range: $range, switch: settings!(@switch $kind), unit: $unit, meaning: $meaning,
-            }, )* ];
+            /// The table that documents and parses them, in the order of the passes.
+            pub const TABLE: &'static [Description] = &[ $( $( Description {
+                pass: stringify!($pass), name: stringify!($name), range: $range, choices: <$kind as Value>::CHOICES, unit: $unit, meaning: $meaning,
+            }, )* )* ];
 
             /// The preset of a method.
             pub fn of(method: Method) -> Self {
                 match method {
-                    Method::Iprt => Self { $( $name: $iprt, )* },
-                    Method::Reference => Self { $( $name: $reference, )* },
+                    Method::Iprt => Self { $( $( $name: $iprt, )* )* },
+                    Method::Paper => Self { $( $( $name: $paper, )* )* },
+                    Method::Ibl => Self { $( $( $name: $ibl, )* )* },
+                    Method::Reference => Self { $( $( $name: $reference, )* )* },
                 }
             }
 
             /// Every setting and its value, as text.
             pub fn values(&self) -> Vec<(&'static str, String)> {
-                vec![ $( (stringify!($name), self.$name.to_string()), )* ]
+                vec![ $( $( (stringify!($name), self.$name.text()), )* )* ]
             }
 
-            fn assign(&mut self, name: &str, value: f64) {
-                match name { $( stringify!($name) => self.$name = settings!(@from $kind value), )* _ => {} }
+            fn assign(&mut self, row: &Description, text: &str) -> bool {
+                match row.name {
+                    $( $( stringify!($name) => Value::parse(text, row.range).map(|value| self.$name = value).is_some(), )* )*
+                    _ => false,
+                }
             }
         }
     };
-    (@type switch) => { bool }; (@type count) => { u32 }; (@type number) => { f32 };
-    (@switch switch) => { true }; (@switch $other:tt) => { false };
-    (@from switch $v:ident) => { $v != 0.0 }; (@from count $v:ident) => { $v as u32 }; (@from number $v:ident) => { $v as f32 };
 }
 
 /// A history length that no run reaches: accumulate for ever.
 pub const FOREVER: u32 = 1 << 24;
 
+/// What `inf` stands for in shaders, which may take real infinities for granted to be absent.
+const INFINITE: f32 = 1e30;
+
+/// The range of what is not a number.
+const ANY: [f64; 2] = [0.0, 0.0];
+
+// The columns of values: iprt, paper, ibl, reference.
 settings! {
-    sampling_mask: switch = true, false, [0.0, 1.0], "", "trace a share of the pixels each frame; off: every pixel";
-    rays_per_pixel: number = 0.25, 1.0, [0.0625, 1.0], "paths a pixel and frame", "share of the pixels that sampling_mask traces, in sixteenths";
-    short_history: count = 4, 0, [0.0, 64.0], "frames", "pixels with a shorter history are traced whatever the mask says; 0: none are";
-    sharp_roughness: number = 0.3, 0.0, [0.0, 1.0], "", "virtual surfaces smoother than this are traced at every pixel";
-    interpolate: switch = true, false, [0.0, 1.0], "", "fill pixels that were not traced from traced neighbours";
-    temporal: switch = true, true, [0.0, 1.0], "", "accumulate along motion vectors";
-    history: count = 64, FOREVER, [1.0, 16777216.0], "frames", "longest history while nothing but the camera moves";
-    history_moving: count = 12, FOREVER, [1.0, 16777216.0], "frames", "longest history while an object or the video moves";
-    clamp: number = 1.0, 0.0, [0.0, 16.0], "standard deviations", "how far history may be from this frame's 5×5 mean while something moves; 0: no clamping";
-    atrous_levels: count = 5, 0, [0.0, 5.0], "", "levels of the edge-avoiding filter; five span 65×65 pixels";
-    sigma_luminance: number = 2.0, 2.0, [0.1, 100.0], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e";
-    bounces: count = 3, 8, [1.0, 64.0], "", "virtual surfaces a path may visit; beyond the last it sees the real scene alone";
-    relight_levels: count = 1, 2, [0.0, 4.0], "", "how often light is passed on between relit real surfaces before rays see them; 0: rays see the capture as it is";
-    relight_width: count = 256, 256, [16.0, 4096.0], "texels", "width of the relit panorama's map";
-    coverage_samples: count = 16, 64, [1.0, 1024.0], "rays a pixel", "sub-pixel rays at silhouettes, which give the fraction M";
-    edge_ratio: number = 0.1, 0.1, [0.001, 10.0], "", "depths of a triangle's corners may differ by this ratio before it is a skirt, not a surface";
-    thickness: number = 0.3, 0.3, [0.0, 1e30], "metres", "how far behind a foreground edge a ray still hits its skirt; inf: solid";
-    normal_radius: count = 0, 0, [0.0, 64.0], "texels", "radius of the plane fits that give normals; 0: from the capture (1 for float depth, wider for integer codes)";
+    normals {
+        normal_radius: u32 = [0, 0, 0, 0], [0.0, 64.0], "texels", "radius of the plane fits that give normals; 0: from the capture (1 for float depth, wider for integer codes)";
+    }
+    relight {
+        relight_levels: u32 = [1, 0, 0, 2], [0.0, 4.0], "", "how often light is passed on between relit real surfaces before rays see them; 0: rays see the capture as it is";
+        relight_width: u32 = [256, 256, 256, 256], [16.0, 4096.0], "texels", "width of the relit panorama's map";
+        relight_warmup: u32 = [0, 0, 0, 256], [0.0, 4096.0], "frames", "frames that the map is accumulated for before the first picture";
+    }
+    gbuffer {
+        coverage_samples: u32 = [16, 16, 16, 64], [1.0, 1024.0], "rays a pixel", "sub-pixel rays at silhouettes, which give the fraction M";
+    }
+    sampling_mask {
+        sampling_mask: bool = [true, true, true, false], ANY, "", "trace a share of the pixels each frame; off: every pixel";
+        mask_by: MaskBy = [MaskBy::History, MaskBy::Discontinuity, MaskBy::History, MaskBy::History], ANY, "", "what chooses the pixels";
+        rays_per_pixel: f32 = [0.25, 0.25, 0.25, 1.0], [0.0625, 1.0], "paths a pixel and frame", "the share that `mask_by = history` traces, in sixteenths";
+        short_history: u32 = [4, 0, 4, 0], [0.0, 64.0], "frames", "pixels with a shorter history are traced whatever the mask says; 0: none are";
+        sharp_roughness: f32 = [0.3, 0.0, 0.3, 0.0], [0.0, 1.0], "", "virtual surfaces smoother than this are traced at every pixel";
+        mask_angle: f32 = [10.0, 10.0, 10.0, 10.0], [0.0, 180.0], "degrees", "neighbouring normals farther apart are a discontinuity";
+        mask_distance: f32 = [0.01, 0.01, 0.01, 0.01], [0.0, 1.0], "of the distance", "neighbouring positions farther from the tangent plane are a discontinuity";
+    }
+    irradiance {
+        real_tracer: RealTracer = [RealTracer::Surface, RealTracer::Surface, RealTracer::Direction, RealTracer::Surface], ANY, "", "how rays meet the real scene";
+        edge_ratio: f32 = [0.1, 0.1, 0.1, 0.1], [0.001, 10.0], "", "depths of a triangle's corners may differ by this ratio before it is a skirt, not a surface";
+        thickness: f32 = [0.3, INFINITE, 0.3, 0.3], [0.0, f64::INFINITY], "metres", "how far behind a foreground edge a ray still hits its skirt; inf: solid, so that everything behind the depth is a hit";
+        virtual_tracer: VirtualTracer = [VirtualTracer::Bvh, VirtualTracer::Screen, VirtualTracer::Bvh, VirtualTracer::Bvh], ANY, "", "how the picture's rays meet virtual objects; the relit map's rays use the BVH";
+        screen_thickness: f32 = [0.1, 0.1, 0.1, 0.1], [0.0, f64::INFINITY], "metres", "`virtual_tracer = screen`: how thick objects are taken to be behind what is seen";
+        screen_stride: f32 = [1.0, 1.0, 1.0, 1.0], [1.0, 64.0], "pixels", "`virtual_tracer = screen`: length of a step";
+        screen_jitter: f32 = [1.0, 1.0, 1.0, 1.0], [0.0, 1.0], "steps", "`virtual_tracer = screen`: random part of the first step";
+        directions: Directions = [Directions::Mis, Directions::Brdf, Directions::Mis, Directions::Mis], ANY, "", "what draws the directions of rays";
+        bounces: u32 = [3, 3, 3, 8], [1.0, 64.0], "", "virtual surfaces a path may visit; beyond the last it sees the real scene alone";
+    }
+    interpolate {
+        interpolate: bool = [true, true, true, true], ANY, "", "fill pixels that were not traced from traced neighbours";
+    }
+    temporal {
+        temporal: bool = [true, true, true, true], ANY, "", "accumulate along motion vectors";
+        history: u32 = [64, 64, 64, FOREVER], [1.0, FOREVER as f64], "frames", "longest history while nothing but the camera moves";
+        history_moving: u32 = [12, 12, 12, FOREVER], [1.0, FOREVER as f64], "frames", "longest history while an object or the video moves";
+        clamp: f32 = [1.0, 1.0, 1.0, 0.0], [0.0, 16.0], "standard deviations", "how far history may be from this frame's 5×5 mean; 0: no clamping";
+        clamp_when: ClampWhen = [ClampWhen::Moving, ClampWhen::Always, ClampWhen::Moving, ClampWhen::Moving], ANY, "", "when the history is clamped";
+    }
+    atrous {
+        filter_order: FilterOrder = [FilterOrder::TemporalFirst, FilterOrder::SpatialFirst, FilterOrder::TemporalFirst, FilterOrder::TemporalFirst], ANY, "", "which filter comes first";
+        atrous_levels: u32 = [5, 5, 5, 0], [0.0, 5.0], "", "levels of the edge-avoiding filter; five span 65×65 pixels";
+        sigma_luminance: f32 = [2.0, INFINITE, 2.0, 2.0], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e; inf: luminance does not count";
+    }
+    composite {
+        relighting: Relighting = [Relighting::EmissionKept, Relighting::Ratio, Relighting::EmissionKept, Relighting::EmissionKept], ANY, "", "how a real surface answers a change of its light, in the picture and in the relit map";
+    }
 }
 
 impl Settings {
@@ -117,28 +260,119 @@ impl Settings {
                 format!("{hint}settings are {}", all.join(", ")),
             ));
         };
-        let number = match value {
-            "true" | "on" if row.switch => Some(1.0),
-            "false" | "off" if row.switch => Some(0.0),
-            _ => value.parse::<f64>().ok(),
-        };
-        match number.map(|v| if v == f64::INFINITY { 1e30 } else { v }) {
-            Some(v) if v >= row.range[0] && v <= row.range[1] => {
-                self.assign(name, v);
-                Ok(())
-            }
-            _ => {
-                let allowed = if row.switch {
-                    "true or false".to_owned()
-                } else {
-                    format!("a number from {} to {}", row.range[0], row.range[1])
-                };
-                Err(Error::input(
-                    subject,
-                    format!("setting \"{name}\" cannot be \"{value}\""),
-                    format!("give {allowed}"),
-                ))
-            }
+        if self.assign(row, value) {
+            return Ok(());
         }
+        let remedy = format!("give {}", row.allowed());
+        Err(Error::input(subject, format!("setting \"{name}\" cannot be \"{value}\""), remedy))
+    }
+
+    /// The same model, converged by accumulation: every pixel traced in each frame, nothing filtered, no history dropped.
+    pub fn converge(&mut self) {
+        let reference = Self::of(Method::Reference);
+        *self = Self {
+            sampling_mask: reference.sampling_mask,
+            rays_per_pixel: reference.rays_per_pixel,
+            short_history: reference.short_history,
+            sharp_roughness: reference.sharp_roughness,
+            coverage_samples: reference.coverage_samples,
+            relight_warmup: reference.relight_warmup,
+            temporal: reference.temporal,
+            history: reference.history,
+            history_moving: reference.history_moving,
+            clamp: reference.clamp,
+            clamp_when: reference.clamp_when,
+            filter_order: reference.filter_order,
+            atrous_levels: reference.atrous_levels,
+            sigma_luminance: reference.sigma_luminance,
+            ..self.clone()
+        };
+    }
+
+    /// The table of all settings as Markdown, pass by pass, with a column of defaults for each method.
+    pub fn markdown() -> String {
+        let mut out = String::new();
+        let defaults = Method::ALL.map(|method| Self::of(method).values());
+        let names = Method::ALL.map(|method| format!("`{}`", method.name()));
+        let mut pass = "";
+        for (row, description) in Self::TABLE.iter().enumerate() {
+            if description.pass != pass {
+                pass = description.pass;
+                let _ = writeln!(out, "\n#### {pass}\n\n| setting | {} | range | unit | meaning |", names.join(" | "));
+                let _ = writeln!(out, "|---|{}---|---|---|", "---|".repeat(names.len()));
+            }
+            let values: Vec<_> = defaults.iter().map(|values| values[row].1.as_str()).collect();
+            let ways: String = description
+                .choices
+                .iter()
+                .filter(|(_, meaning)| !meaning.is_empty())
+                .map(|(name, meaning)| format!("<br>`{name}`: {meaning}"))
+                .collect();
+            let _ = writeln!(
+                out,
+                "| `{}` | {} | {} | {} | {}{ways} |",
+                description.name,
+                values.join(" | "),
+                description.allowed(),
+                description.unit,
+                description.meaning
+            );
+        }
+        out.trim_start().to_owned()
+    }
+}
+
+impl Description {
+    /// What it may be, for people.
+    pub fn allowed(&self) -> String {
+        if !self.choices.is_empty() {
+            let names: Vec<_> = self.choices.iter().map(|(name, _)| *name).collect();
+            return names.join(", ");
+        }
+        let [low, high] = self.range.map(|v| if v >= f64::from(FOREVER) { "inf".to_owned() } else { v.to_string() });
+        format!("{low} to {high}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_default_can_be_given_as_text() {
+        for method in Method::ALL {
+            let mut settings = Settings::of(Method::Iprt);
+            for (name, value) in Settings::of(method).values() {
+                settings.set(name, &value, "test").expect("its own default");
+            }
+            assert_eq!(settings, Settings::of(method));
+        }
+    }
+
+    #[test]
+    fn the_reference_is_iprt_converged() {
+        let mut settings = Settings::of(Method::Iprt);
+        settings.converge();
+        let reference = Settings::of(Method::Reference);
+        assert_eq!(
+            Settings { bounces: reference.bounces, relight_levels: reference.relight_levels, ..settings },
+            reference
+        );
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused() {
+        let mut settings = Settings::of(Method::Iprt);
+        for (name, value) in [
+            ("rays_per_pixel", "2"),
+            ("rays_per_pixel", "nan"),
+            ("bounces", "-1"),
+            ("bounces", "1.5"),
+            ("real_tracer", "x"),
+        ] {
+            settings.set(name, value, "test").expect_err("refused");
+        }
+        settings.set("thickness", "inf", "test").expect("endless");
+        assert_eq!(settings, Settings { thickness: INFINITE, ..Settings::of(Method::Iprt) });
     }
 }

@@ -81,7 +81,7 @@ fn what_the_user_got_wrong_is_told_in_one_line() {
     for (arguments, words) in [
         ("render nowhere.toml -o a.png", &["nowhere.toml"][..]),
         ("render scene.toml -o a.png --set sampling_msk=true", &["sampling_msk", "did you mean \"sampling_mask\""]),
-        ("render scene.toml -o a.png --set history=-3", &["history", "-3", "1", "16777216"]),
+        ("render scene.toml -o a.png --set history=-3", &["history", "-3", "1 to inf"]),
         ("render scene.toml -o a.png --set history=many", &["history", "many"]),
         ("render scene.toml -o a.png --set history=NaN", &["history", "NaN"]),
         ("render scene.toml -o a.png --set history", &["--set", "key=value"]),

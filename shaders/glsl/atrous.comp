@@ -4,7 +4,8 @@
 // levels span 65×65), guided by plane distance, normal, object id and, as SVGF (Schied et al. 2017, eq. 3–5), by luminance against
 // the standard deviation of the accumulated mean. E_R and ΔE share one set of weights, taken from ΔE; the Lambert and the GGX lobe
 // of virtual surfaces have their own, the GGX lobe's radius shrinking with roughness.
-// In: tiles, a, b (w: variance), position, normal, motion.w (id), moments. Out: a, b.
+// In: tiles, a, b (w: variance), or irradiance_a, _b where the paper's order puts this before temporal; position, normal, motion.w (id),
+// moments. Out: a, b.
 #include "common.glsl"
 #include "list.glsl"
 #include "edge_stop.glsl"
@@ -22,7 +23,11 @@ layout(set = 0, binding = 55, rgba32f) uniform readonly image2DArray in_moments;
 layout(set = 0, binding = 56, rgba32f) uniform writeonly image2DArray out_a;
 layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_b;
 
-layout(push_constant, scalar) uniform Push { int step_size; float sigma_luminance; } push;
+layout(push_constant, scalar) uniform Push {
+    int step_size;
+    float sigma_luminance; // FAR: luminance does not count
+    uint raw;              // one frame's values, not accumulated: their w is no variance
+} push;
 
 const float KERNEL[3] = float[3](0.375, 0.25, 0.0625);
 
@@ -39,7 +44,7 @@ void main() {
     float id = imageLoad(in_motion, ivec3(p, layer)).w;
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
     // A short history has no variance of its own: the first level then ignores luminance and measures the variance.
-    bool young = imageLoad(in_moments, ivec3(p, layer)).z < 12.0;
+    bool young = push.raw != 0u || imageLoad(in_moments, ivec3(p, layer)).z < 12.0;
     bool known = a.w >= 0.0;
     bool measure = (young && push.step_size == 1) || !known;
 
@@ -58,7 +63,7 @@ void main() {
         }
     }
     variance /= max(variance_total, 1e-6);
-    vec2 inverse = measure ? vec2(0.0) : 1.0 / (push.sigma_luminance * sqrt(variance) + 1e-6);
+    vec2 inverse = measure || push.sigma_luminance >= FAR ? vec2(0.0) : 1.0 / (push.sigma_luminance * sqrt(variance) + 1e-6);
 
     // a mirror is not filtered at all; the lobe of roughness ½ over the whole kernel
     float lobe = layer == VIRTUAL ? 64.0 * normal.w * normal.w : 1e6;
@@ -75,6 +80,7 @@ void main() {
             vec4 qa = imageLoad(in_a, ivec3(q, layer));
             if (qa.w < 0.0) continue;
             vec4 qb = imageLoad(in_b, ivec3(q, layer));
+            if (push.raw != 0u) qb.w = 0.0;
             vec4 qn = imageLoad(in_normal, ivec3(q, layer));
             float reach = length(vec2(x, y)) * float(push.step_size);
             float g = x == 0 && y == 0 ? 1.0 : geometry_weight(position, normal, id, imageLoad(in_position, ivec3(q, layer)), qn, imageLoad(in_motion, ivec3(q, layer)).w, pixel * reach);

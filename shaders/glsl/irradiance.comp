@@ -16,6 +16,12 @@
 #include "list.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 1) const uint LAYER = 0;
+layout(constant_id = 4) const uint REAL_TRACER = 0;
+layout(constant_id = 5) const uint VIRTUAL_TRACER = 0;
+layout(constant_id = 7) const uint DIRECTIONS = 2;
+const uint DIRECTION = 1u; // of REAL_TRACER
+const uint SCREEN = 1u;    // of VIRTUAL_TRACER
+const uint BRDF = 0u;      // of DIRECTIONS
 
 layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
 layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
@@ -24,6 +30,20 @@ layout(set = 0, binding = 42, scalar) readonly buffer List { uint item[]; } in_l
 layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; } in_arguments;
 layout(set = 0, binding = 45, rgba32f) uniform writeonly image2DArray out_irradiance_a;
 layout(set = 0, binding = 46, rgba32f) uniform writeonly image2DArray out_irradiance_b;
+
+#include "screen.glsl"
+
+// What a ray meets of the real scene; direction-only light is infinitely far.
+PanoramaHit real_trace(vec3 origin, vec3 d) {
+    if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, false, vec3(0.0));
+    return panorama_trace(origin, d, 0.0, FAR);
+}
+
+// The virtual surface that a ray meets before t_max.
+SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
+    if (VIRTUAL_TRACER == SCREEN) return screen_trace(origin, d, t_max, random_next(random));
+    return scene_trace(origin, d, t_max);
+}
 
 vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv); }
 
@@ -41,7 +61,7 @@ bool toward_light(vec3 x, vec3 normal, inout Random random, out vec3 d, out vec3
     vec3 centre = light_sample(u, random_next2(random));
     ivec2 texel;
     float distance = surface_distance(centre, texel);
-    far = distance <= 0.0;
+    far = distance <= 0.0 || REAL_TRACER == DIRECTION;
     target = centre * distance;
     d = far ? centre : normalize(target - x);
     return dot(d, normal) > 0.0;
@@ -59,7 +79,7 @@ Ray draw(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, in
     Ray ray;
     ray.weight = vec3(0.0);
     bool mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
-    float share = mirror ? 0.0 : in_lights.share;
+    float share = mirror || DIRECTIONS == BRDF ? 0.0 : in_lights.share;
     bool light = random_next(random) < share, far = false;
     vec3 target = vec3(0.0), mirror_weight = vec3(0.0);
     bool possible = true;
@@ -73,7 +93,7 @@ Ray draw(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, in
     }
     ray.real = PanoramaHit(FAR, vec2(0.0), FREE, false, vec3(0.0));
     if (!possible) return ray;
-    ray.real = panorama_trace(x, ray.d, 0.0, FAR);
+    ray.real = real_trace(x, ray.d);
     if (mirror) { ray.weight = mirror_weight; return ray; }
     if (light && !meets(ray.real, x, ray.d, target, far)) return ray;
     float density;
@@ -88,15 +108,16 @@ Ray draw(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, in
 // What arrives along a ray, the mixed scene included: real surfaces relit, virtual ones by a path. The path's last vertex sees
 // the real scene alone, so that no light is lost. `distance`: of the first hit.
 vec3 incoming(vec3 origin, Ray ray, inout Random random, out float distance) {
-    SceneHit hit = scene_trace(origin, ray.d, ray.real.t);
+    SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, random);
     distance = min(hit.t, ray.real.t);
     vec3 sum = vec3(0.0), throughput = vec3(1.0);
     float width = 0.0;
     for (uint bounce = 1u; hit.instance != NONE; bounce++) {
         width += 0.05 * hit.t;
-        Surface s = scene_surface(hit, ray.d, width);
+        vec3 seen_along = VIRTUAL_TRACER == SCREEN ? screen_direction(hit, ray.d) : ray.d;
+        Surface s = scene_surface(hit, seen_along, width);
         sum += throughput * s.emissive;
-        vec3 to_eye = -ray.d;
+        vec3 to_eye = -seen_along;
         Lobes l = brdf_lobes(s, to_eye);
         bool specular = random_next(random) < l.specular_probability;
         origin = surface_origin(s);
@@ -105,7 +126,7 @@ vec3 incoming(vec3 origin, Ray ray, inout Random random, out float distance) {
         throughput *= ray.weight * (specular ? vec3(1.0 / l.specular_probability) : l.diffuse / (1.0 - l.specular_probability));
         if (max(throughput.r, max(throughput.g, throughput.b)) <= 0.0) return sum;
         hit.instance = NONE;
-        if (bounce < in_view.view.bounces) hit = scene_trace(origin, ray.d, ray.real.t);
+        if (bounce < in_view.view.bounces) hit = virtual_trace(origin, ray.d, ray.real.t, random);
     }
     return sum + throughput * relit(ray.real.uv, hit_radiance(ray.real));
 }

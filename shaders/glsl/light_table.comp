@@ -6,6 +6,8 @@
 #include "common.glsl"
 #include "light.glsl"
 layout(local_size_x = 128) in;
+layout(constant_id = 7) const uint DIRECTIONS = 2;
+const uint LIGHT = 1u; // all rays are drawn from the table, so it covers the panorama, black texels too
 
 shared float row_sum[128];
 shared float row_solid_angle[128];
@@ -27,7 +29,8 @@ void main() {
     barrier();
     sum = 0.0;
     for (int x = 0; x < LIGHT_CELLS.x; x++) {
-        float w = max(0.0, lights.value[weights + x] - mean) * solid_angle;
+        float l = lights.value[weights + x];
+        float w = (DIRECTIONS == LIGHT ? l + 0.1 * mean : max(0.0, l - mean)) * solid_angle;
         lights.value[weights + x] = w;
         sum += w;
         lights.value[cumulative + x] = sum;
@@ -43,6 +46,6 @@ void main() {
         lights.total = total;
         // an even panorama has no lights worth drawing
         float above = total / max(4.0 * PI * mean, 1e-20);
-        lights.share = above < 0.05 ? 0.0 : min(0.5, above);
+        lights.share = DIRECTIONS == LIGHT ? 1.0 : above < 0.05 ? 0.0 : min(0.5, above);
     }
 }

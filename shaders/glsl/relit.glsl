@@ -1,11 +1,15 @@
+layout(constant_id = 6) const uint RELIGHTING = 0;
+const uint RATIO = 1u;
+
 // The relit panorama: E_R and ΔE of real surfaces, on a coarse equirect map aligned with the panorama.
 layout(set = 0, binding = 6, rgba32f) uniform readonly image2DArray in_relight_real;
 layout(set = 0, binding = 7, rgba32f) uniform readonly image2DArray in_relight_change;
 
 // out = L + ΔE·k, k = min(L/E_R, 1/π): what a diffuse surface reflects per irradiance, at most all of it. It is
-// L_e + (L − L_e)·E_RV/E_R with L_e = max(0, L − E_R/π), without the division's pole at E_R = 0.
+// L_e + (L − L_e)·E_RV/E_R with L_e = max(0, L − E_R/π), without the division's pole at E_R = 0. RATIO is the paper's
+// equation 2, L·E_RV/E_R, whose pole is left in but for E_R < 1e-6, where dividing would overflow.
 vec3 relight(vec3 radiance, vec3 irradiance, vec3 change) {
-    vec3 k = min(radiance / max(irradiance, vec3(1e-20)), vec3(1.0 / PI));
+    vec3 k = RELIGHTING == RATIO ? radiance / max(irradiance, vec3(1e-6)) : min(radiance / max(irradiance, vec3(1e-20)), vec3(1.0 / PI));
     return max(radiance + change * k, vec3(0.0));
 }
 

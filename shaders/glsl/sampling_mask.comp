@@ -17,7 +17,15 @@ layout(set = 0, binding = 42, scalar) writeonly buffer List { uint item[]; } out
 layout(set = 0, binding = 43, scalar) writeonly buffer Tiles { uint item[]; } out_tiles;
 layout(set = 0, binding = 44, scalar) buffer Arguments { uint word[]; } out_arguments;
 
-layout(push_constant, scalar) uniform Push { uint dense; uint history_valid; uint short_history; float sharp_roughness; } push;
+layout(push_constant, scalar) uniform Push {
+    uint dense;
+    uint history_valid;
+    uint short_history;
+    float sharp_roughness;
+    uint by_discontinuity;
+    float mask_cosine;   // of the angle between normals
+    float mask_distance; // from the tangent plane, of the distance
+} push;
 
 shared uint group_count[2];
 shared uint group_base[2];
@@ -26,11 +34,37 @@ shared uint active_count[2];
 // 4×4 ordered dither: every power-of-two share of the ranks is spread evenly.
 const uint RANK[16] = uint[16](0u, 8u, 2u, 10u, 12u, 4u, 14u, 6u, 3u, 11u, 1u, 9u, 15u, 7u, 13u, 5u);
 
+// Which of the 4×4 are traced in a frame, so many of 16; all in turn.
+bool in_turn(ivec2 p, uint share) {
+    uint rank = RANK[(p.y & 3) * 4 + (p.x & 3)];
+    return (rank + 16u - (in_view.view.frame * share) % 16u) % 16u < share;
+}
+
+// Rays for 16 pixels: all where the 3×3 neighbours leave the pixel's surface, a quarter where the 5×5 do, else one.
+uint discontinuity_share(ivec2 p, int layer) {
+    vec4 position = imageLoad(in_position, ivec3(p, layer));
+    vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;
+    float id = imageLoad(in_motion, ivec3(p, layer)).w;
+    uint share = 1u;
+    for (int y = -2; y <= 2; y++) {
+        for (int x = -2; x <= 2; x++) {
+            ivec2 q = p + ivec2(x, y);
+            if (!neighbour(q)) continue;
+            vec4 other = imageLoad(in_position, ivec3(q, layer));
+            bool same = other.w > 0.0 && imageLoad(in_motion, ivec3(q, layer)).w == id
+                && dot(imageLoad(in_normal, ivec3(q, layer)).xyz, normal) >= push.mask_cosine
+                && abs(dot(other.xyz - position.xyz, normal)) <= push.mask_distance * position.w;
+            if (same) continue;
+            if (max(abs(x), abs(y)) < 2) return 16u;
+            share = 4u;
+        }
+    }
+    return share;
+}
+
 bool traced(ivec2 p, int layer) {
     if (push.dense != 0u) return true;
-    uint frame = in_view.view.frame;
-    uint rank = RANK[(p.y & 3) * 4 + (p.x & 3)];
-    if (((rank + 16u - (frame * in_view.view.rays_per_16) % 16u) % 16u) < in_view.view.rays_per_16) return true;
+    if (in_turn(p, push.by_discontinuity != 0u ? discontinuity_share(p, layer) : in_view.view.rays_per_16)) return true;
     if (layer == VIRTUAL && imageLoad(in_normal, ivec3(p, VIRTUAL)).w < push.sharp_roughness) return true;
     // newly seen surfaces trace every pixel until they have some history
     if (push.history_valid == 0u) return push.short_history > 0u;

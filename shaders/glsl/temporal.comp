@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 5, temporal: accumulation along motion vectors, with disocclusion tests and clamping of the history to the mean and
 // spread of this frame's neighbourhood.
-// In: tiles, mask, irradiance_a/b of this frame, position, normal, motion now and a frame ago, history_*. Out: accumulated a, b (w: variance
+// In: tiles, mask, irradiance_a/b of this frame (or what atrous made of them, if it comes first), position, normal, motion now and a frame ago, history_*. Out: accumulated a, b (w: variance
 // of the mean), moments (x, y: second moments of the luminances of a and b; z: history length, frames; w: hit distance, metres).
 #include "common.glsl"
 #include "list.glsl"
@@ -27,7 +27,7 @@ layout(set = 0, binding = 56, rgba32f) uniform writeonly image2DArray out_a;
 layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_b;
 layout(set = 0, binding = 58, rgba32f) uniform writeonly image2DArray out_moments;
 
-layout(push_constant, scalar) uniform Push { uint history_valid; uint interpolated; float clamp_spread; } push;
+layout(push_constant, scalar) uniform Push { uint history_valid; uint interpolated; uint filtered; float clamp_spread; } push;
 
 // A history texel counts if it was this surface: same object, at the distance this point then had, facing alike.
 float history_weight(ivec2 q, int layer, vec4 motion, vec3 normal) {
@@ -52,10 +52,11 @@ void main() {
     vec4 motion = imageLoad(in_motion, ivec3(p, layer));
     vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;
     vec4 a = imageLoad(in_irradiance_a, ivec3(p, layer)), b = imageLoad(in_irradiance_b, ivec3(p, layer));
-    bool known = mask == 1.0 || (push.interpolated != 0u && a.w >= 0.0);
+    bool fresh = push.filtered != 0u ? a.w >= 0.0 : mask == 1.0; // a filtered pixel is as good as a traced one
+    bool known = fresh || (push.interpolated != 0u && a.w >= 0.0);
     if (!known) { a = vec4(0.0); b = vec4(0.0); }
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
-    vec4 moments = vec4(luma * luma, mask == 1.0 ? 1.0 : known ? 0.5 : 0.0, b.w);
+    vec4 moments = vec4(luma * luma, fresh ? 1.0 : known ? 0.5 : 0.0, b.w);
 
     vec3 old_a = vec3(0.0), old_b = vec3(0.0);
     vec4 old_moments = vec4(0.0);
@@ -88,7 +89,9 @@ void main() {
             for (int y = -2; y <= 2; y++) {
                 for (int x = -2; x <= 2; x++) {
                     ivec2 q = p + ivec2(x, y);
-                    if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x != 1.0 || imageLoad(in_motion, ivec3(q, layer)).w != motion.w) continue;
+                    if (!neighbour(q) || imageLoad(in_motion, ivec3(q, layer)).w != motion.w) continue;
+                    float taken = imageLoad(in_mask, ivec3(q, layer)).x;
+                    if (push.filtered != 0u ? taken == 0.0 : taken != 1.0) continue;
                     vec3 ca = imageLoad(in_irradiance_a, ivec3(q, layer)).rgb, cb = imageLoad(in_irradiance_b, ivec3(q, layer)).rgb;
                     mean_a += ca; square_a += ca * ca;
                     mean_b += cb; square_b += cb * cb;
@@ -104,8 +107,8 @@ void main() {
                 old_b = clamped_b;
             }
         }
-        float length = mask == 1.0 ? min(old_moments.z + 1.0, float(in_view.view.history_limit)) : old_moments.z;
-        float blend = mask == 1.0 ? 1.0 / max(length, 1.0) : 0.0; // an interpolated value adds nothing to a history
+        float length = fresh ? min(old_moments.z + 1.0, float(in_view.view.history_limit)) : old_moments.z;
+        float blend = fresh ? 1.0 / max(length, 1.0) : 0.0; // an interpolated value adds nothing to a history
         a.rgb = mix(old_a, a.rgb, blend);
         b.rgb = mix(old_b, b.rgb, blend);
         moments = vec4(mix(old_moments.xy, moments.xy, blend), length, mix(old_moments.w, moments.w, blend));

@@ -34,7 +34,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
-    let options = args.picture.options(&scene)?;
+    let options = args.picture.options(&scene, false)?;
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     let count = last - first + 1;
     let bar = progress(args.picture.quiet, u64::from(args.warmup) + u64::from(count), "measuring");

@@ -53,10 +53,10 @@ pub struct PictureArgs {
     /// Picture size; the scene's by default
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
-    /// iprt or reference; the scene's by default
+    /// iprt, paper, ibl or reference; the scene's by default
     #[arg(long)]
     pub method: Option<String>,
-    /// A setting of the method, as key=value; may be repeated (see docs/pipeline.md)
+    /// A setting of the method, as key=value; may be repeated (see docs/methods.md)
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// perspective or equirect
@@ -87,13 +87,16 @@ impl PictureArgs {
         Ok(scene)
     }
 
-    /// What to render, from the scene file first and the flags over it.
-    pub fn options(&self, scene: &Scene) -> Result<RenderOptions> {
+    /// What to render, from the scene file first and the flags over it; `converged`: by accumulation, whatever the method.
+    pub fn options(&self, scene: &Scene, converged: bool) -> Result<RenderOptions> {
         let method = match &self.method {
             Some(name) => Method::parse(name, "--method")?,
             None => Method::parse(&scene.render.method, &format!("{}: render.method", scene.name))?,
         };
         let mut settings = Settings::of(method);
+        if converged {
+            settings.converge();
+        }
         for (key, value) in &scene.render.set {
             let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             settings.set(key, &text, &format!("{}: render.set", scene.name))?;

@@ -39,8 +39,8 @@ pub fn run(args: &Args) -> Result<()> {
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
     let mut picture = args.picture.clone();
-    picture.method = Some(Method::Reference.name().to_owned());
-    let options = picture.options(&scene)?;
+    picture.method = Some(Method::Reference.name());
+    let options = picture.options(&scene, true)?;
     let [frame, _] = parse_frames(&args.frame)?;
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     check_aovs(&renderer, &args.aov)?;

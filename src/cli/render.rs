@@ -26,12 +26,12 @@ pub struct Args {
     /// Frames A..B, both included; the whole video with a pattern, otherwise frame 0
     #[arg(long, value_name = "A..B")]
     pub frames: Option<String>,
-    /// Frames run before A, A held still [default: 15, with --method reference 0]
+    /// Frames run before A, A held still [default: 15; 0 with --spp or --method reference]
     #[arg(long)]
     pub warmup: Option<u32>,
-    /// Paths a pixel for --method reference
-    #[arg(long, default_value_t = 64)]
-    pub spp: u32,
+    /// Converge the method's own model instead: so many paths a pixel, nothing filtered, no history [with --method reference 64]
+    #[arg(long, value_name = "N")]
+    pub spp: Option<u32>,
     /// Factor on radiance before display; the scene's by default
     #[arg(long)]
     pub exposure: Option<f32>,
@@ -49,7 +49,7 @@ pub fn run(args: &Args) -> Result<()> {
     require_folder(&args.output)?;
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
-    let options = args.picture.options(&scene)?;
+    let options = args.picture.options(&scene, args.spp.is_some())?;
     let exposure = args.exposure.unwrap_or(scene.render.exposure);
     if !(exposure.is_finite() && exposure > 0.0) {
         return Err(Error::input("--exposure", format!("{exposure}"), "give a positive number"));
@@ -69,9 +69,9 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(Error::input("--aov", "a PNG holds the picture alone", "write an .exr"));
     }
 
-    let reference = options.method == Method::Reference;
-    let warmup = args.warmup.unwrap_or(if reference { 0 } else { 15 });
-    let spp = if reference { args.spp.max(1) } else { 1 };
+    let converge = args.spp.is_some() || options.method == Method::Reference;
+    let warmup = args.warmup.unwrap_or(if converge { 0 } else { 15 });
+    let spp = if converge { args.spp.unwrap_or(64).max(1) } else { 1 };
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     check_aovs(&renderer, &args.aov)?;
     let bar =
@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> Result<()> {
         bar.inc(1);
     }
     for frame in first..=last {
-        if reference {
+        if converge {
             renderer.reset_history("a picture of its own");
         }
         for _ in 0..spp {

@@ -130,7 +130,7 @@ pub fn run(
         device: gpu.device_name().to_owned(),
         driver: gpu.driver().to_owned(),
         scene: scene.name.clone(),
-        method: options.method.name().to_owned(),
+        method: options.method.name(),
         size: options.size,
         frames,
         warmup,
@@ -159,6 +159,7 @@ fn pass_time(name: &str, samples: &[Sample], settings: &Settings, renderer: &Ren
         let off = match (total(renderer.prepared()), name) {
             (Some(ms), _) => format!("the video frame did not change; done once before, {ms:.1} ms"),
             (None, "radiance_pyramid") => "the picture is nowhere coarser than the panorama".to_owned(),
+            (None, "light_table") => "directions = brdf".to_owned(),
             (None, "relight") if !renderer.has_objects() => "no object".to_owned(),
             (None, "relight") => "relight_levels = 0".to_owned(),
             (None, "interpolate") if !settings.sampling_mask => {

@@ -2,16 +2,16 @@
 
 use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
 use crate::{
-    Error, Result,
+    Result,
     gpu::{Access, Bind, Frame, Gpu, Image, Threads},
     gpu_struct,
-    settings::Settings,
+    settings::{FilterOrder, Settings},
     shaders,
 };
 
 gpu_struct! {
     /// Push constants of `atrous.comp`.
-    pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32 }
+    pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32, pub raw: u32 }
 }
 
 /// See the module.
@@ -38,20 +38,22 @@ impl Atrous {
         Ok(Self(Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, BINDINGS, &[], &[])?))
     }
 
-    /// Records the levels, from the accumulated a and b into what [`Atrous::result`] names.
+    /// Records the levels, from the accumulated a and b, or from this frame's irradiance, into what [`Atrous::result`] names.
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings) -> Result<()> {
         for level in 0..settings.atrous_levels {
             if level > 0 {
                 frame.barrier("atrous reads the level below");
             }
-            let (from, to) = (Self::names(level), Self::names(level + 1));
+            let (from, to) = (Self::names(level, settings), Self::names(level + 1, settings));
             let special = [
-                ("in_a", Bind::from(image(view, from[0])?)),
-                ("in_b", Bind::from(image(view, from[1])?)),
-                ("out_a", Bind::from(image(view, to[0])?)),
-                ("out_b", Bind::from(image(view, to[1])?)),
+                ("in_a", Bind::from(view.image(from[0])?)),
+                ("in_b", Bind::from(view.image(from[1])?)),
+                ("out_a", Bind::from(view.image(to[0])?)),
+                ("out_b", Bind::from(view.image(to[1])?)),
             ];
-            let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance };
+            let raw = level == 0 && settings.filter_order == FilterOrder::SpatialFirst;
+            let push =
+                AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance, raw: u32::from(raw) };
             self.0.dispatch(
                 frame,
                 &special,
@@ -65,19 +67,16 @@ impl Atrous {
 
     /// The images that hold a and b after the last level.
     pub fn result<'a>(view: &'a View, settings: &Settings) -> Result<[&'a Image; 2]> {
-        let [a, b] = Self::names(settings.atrous_levels);
-        Ok([image(view, a)?, image(view, b)?])
+        let [a, b] = Self::names(settings.atrous_levels, settings);
+        Ok([view.image(a)?, view.image(b)?])
     }
 
-    fn names(level: u32) -> [&'static str; 2] {
+    fn names(level: u32, settings: &Settings) -> [&'static str; 2] {
         match level {
+            0 if settings.filter_order == FilterOrder::SpatialFirst => ["irradiance_a", "irradiance_b"],
             0 => ["a", "b"],
             odd if odd % 2 == 1 => ["filtered_a", "filtered_b"],
             _ => ["scratch_a", "scratch_b"],
         }
     }
-}
-
-fn image<'a>(view: &'a View, name: &str) -> Result<&'a Image> {
-    view.resources.image(name).ok_or_else(|| Error::Internal(format!("no image {name}")))
 }

@@ -4,6 +4,7 @@ use super::{resources::Kernel, view::View};
 use crate::{
     Result,
     gpu::{Access, Bind, Frame, Gpu, Image, Threads},
+    settings::Settings,
     shaders,
 };
 
@@ -12,7 +13,7 @@ pub struct Composite(Kernel);
 
 impl Composite {
     /// Builds the pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
         use Access::{Read, Write};
         const BINDINGS: &[(&str, Access)] = &[
             ("in_view", Read),
@@ -25,7 +26,14 @@ impl Composite {
             ("in_b", Read),
             ("out_radiance", Write),
         ];
-        Ok(Self(Kernel::new::<()>(gpu, "composite", shaders::COMPOSITE, BINDINGS, &[], &[])?))
+        Ok(Self(Kernel::new::<()>(
+            gpu,
+            "composite",
+            shaders::COMPOSITE,
+            BINDINGS,
+            &[],
+            &[(6, settings.relighting as u32)],
+        )?))
     }
 
     /// Records the dispatch; `irradiance` holds a and b after filtering.

@@ -5,7 +5,7 @@ use crate::{
     Result,
     gpu::{Access, Frame, Gpu, Threads},
     gpu_struct,
-    settings::Settings,
+    settings::{MaskBy, Settings},
     shaders,
 };
 
@@ -40,7 +40,8 @@ impl Interpolate {
 
     /// Records the dispatch. The radius reaches traced pixels at every rate.
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings) -> Result<()> {
-        let push = InterpolatePush { radius: if settings.rays_per_pixel >= 0.25 { 2 } else { 4 } };
+        let sparse = settings.mask_by == MaskBy::Discontinuity || settings.rays_per_pixel < 0.25;
+        let push = InterpolatePush { radius: if sparse { 4 } else { 2 } };
         self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
     }
 }

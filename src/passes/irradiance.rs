@@ -9,6 +9,8 @@ use super::{
 use crate::{
     Result,
     gpu::{Access, Frame, Gpu, Image, Threads},
+    gpu_struct,
+    settings::{Settings, VirtualTracer},
     shaders,
 };
 
@@ -24,15 +26,23 @@ pub struct Relight<'a> {
     pub change: &'a Image,
 }
 
+gpu_struct! {
+    /// Push constants of `irradiance.comp`.
+    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32 }
+}
+
 /// See the module.
 pub struct Irradiance {
     real: Kernel,
     other: Kernel,
+    /// Real surfaces of the relit map, whose picture shows no objects to walk.
+    relight: Kernel,
+    push: IrradiancePush,
 }
 
 impl Irradiance {
     /// Builds the pipelines.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
         use Access::{Read, Write};
         macro_rules! bindings {
             ($($extra:expr),*) => { &[
@@ -44,10 +54,26 @@ impl Irradiance {
             ] };
         }
         const BINDINGS: &[(&str, Access)] = bindings!();
-        let kernel = |layer: u32| {
-            Kernel::new::<()>(gpu, "irradiance", shaders::IRRADIANCE, BINDINGS, SCENE_STRUCTS, &[(1, layer)])
+        let kernel = |layer: u32, virtual_tracer: VirtualTracer| {
+            let constants = [
+                (1, layer),
+                (4, settings.real_tracer as u32),
+                (5, virtual_tracer as u32),
+                (6, settings.relighting as u32),
+                (7, settings.directions as u32),
+            ];
+            Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, BINDINGS, SCENE_STRUCTS, &constants)
         };
-        Ok(Self { real: kernel(0)?, other: kernel(1)? })
+        Ok(Self {
+            real: kernel(0, settings.virtual_tracer)?,
+            other: kernel(1, settings.virtual_tracer)?,
+            relight: kernel(0, VirtualTracer::Bvh)?,
+            push: IrradiancePush {
+                screen_thickness: settings.screen_thickness,
+                screen_stride: settings.screen_stride,
+                screen_jitter: settings.screen_jitter,
+            },
+        })
     }
 
     /// Records the real list, and the virtual one unless the view shows no objects.
@@ -64,11 +90,12 @@ impl Irradiance {
         relit.add("relight_real", Resource::Image(relight.real.clone()));
         relit.add("relight_change", Resource::Image(relight.change.clone()));
         let pools = [&view.resources, panorama, &scene.resources, &relit];
-        self.real.dispatch(frame, &[], &pools, &(), Threads::Indirect(&view.arguments, LIST_REAL))?;
+        let real = if objects { &self.real } else { &self.relight };
+        real.dispatch(frame, &[], &pools, &self.push, Threads::Indirect(&view.arguments, LIST_REAL))?;
         if objects {
             // the two write different layers of the same images
             frame.barrier("virtual surfaces after real ones");
-            self.other.dispatch(frame, &[], &pools, &(), Threads::Indirect(&view.arguments, LIST_VIRTUAL))?;
+            self.other.dispatch(frame, &[], &pools, &self.push, Threads::Indirect(&view.arguments, LIST_VIRTUAL))?;
         }
         Ok(())
     }

@@ -7,6 +7,7 @@ use super::{
 use crate::{
     Result,
     gpu::{Access, Frame, Gpu, Threads},
+    settings::Settings,
     shaders,
 };
 
@@ -24,13 +25,20 @@ pub struct LightTable {
 
 impl LightTable {
     /// Builds the pipelines.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
         const WRITE: &[(&str, Access)] =
             &[("in_view", Access::Read), ("in_panorama_radiance", Access::Read), ("lights", Access::ReadWrite)];
         const SUMS: &[(&str, Access)] = &[("lights", Access::ReadWrite)];
         Ok(Self {
             cells: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_CELLS, WRITE, &[], &[])?,
-            sums: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_TABLE, SUMS, &[], &[])?,
+            sums: Kernel::new::<()>(
+                gpu,
+                "light_table",
+                shaders::LIGHT_TABLE,
+                SUMS,
+                &[],
+                &[(7, settings.directions as u32)],
+            )?,
         })
     }
 

@@ -5,13 +5,21 @@ use crate::{
     Result,
     gpu::{Access, Frame, Gpu, Threads},
     gpu_struct,
-    settings::Settings,
+    settings::{MaskBy, Settings},
     shaders,
 };
 
 gpu_struct! {
     /// Push constants of `sampling_mask.comp`.
-    pub struct SamplingMaskPush { pub dense: u32, pub history_valid: u32, pub short_history: u32, pub sharp_roughness: f32 }
+    pub struct SamplingMaskPush {
+        pub dense: u32,
+        pub history_valid: u32,
+        pub short_history: u32,
+        pub sharp_roughness: f32,
+        pub by_discontinuity: u32,
+        pub mask_cosine: f32,
+        pub mask_distance: f32,
+    }
 }
 
 /// See the module.
@@ -46,6 +54,9 @@ impl SamplingMask {
             history_valid: u32::from(history_valid),
             short_history: settings.short_history,
             sharp_roughness: settings.sharp_roughness,
+            by_discontinuity: u32::from(settings.mask_by == MaskBy::Discontinuity),
+            mask_cosine: settings.mask_angle.to_radians().cos(),
+            mask_distance: settings.mask_distance,
         };
         let recorded =
             self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Size([view.size[0], view.size[1], 1]));

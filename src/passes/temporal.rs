@@ -3,13 +3,22 @@
 use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
 use crate::{
     Result,
-    gpu::{Access, Frame, Gpu, Threads},
+    gpu::{Access, Bind, Frame, Gpu, Image, Threads},
     gpu_struct, shaders,
 };
 
 gpu_struct! {
     /// Push constants of `temporal.comp`.
-    pub struct TemporalPush { pub history_valid: u32, pub interpolated: u32, pub clamp_spread: f32 }
+    pub struct TemporalPush { pub history_valid: u32, pub interpolated: u32, pub filtered: u32, pub clamp_spread: f32 }
+}
+
+/// What temporal accumulates.
+#[derive(Clone, Copy)]
+pub enum Input<'a> {
+    /// The traced pixels, and the interpolated ones where history is missing.
+    Irradiance,
+    /// What atrous made of them: every pixel counts.
+    Filtered([&'a Image; 2]),
 }
 
 /// See the module.
@@ -46,21 +55,29 @@ impl Temporal {
         Ok(Self { still: kernel(0)?, clamped: kernel(1)? })
     }
 
-    /// Records the dispatch; `interpolated`: untraced pixels hold a value; `clamp_spread` in standard deviations, 0 for none.
+    /// Records the dispatch, from this frame's irradiance, or from what atrous made of it, into a and b. `interpolated`: untraced
+    /// pixels hold a value; `clamp_spread` in standard deviations, 0 for none.
     pub fn record(
         &self,
         frame: &mut Frame,
         view: &View,
+        input: Input,
         history_valid: bool,
         interpolated: bool,
         clamp_spread: f32,
     ) -> Result<()> {
+        let [a, b] = match input {
+            Input::Irradiance => [view.image("irradiance_a")?, view.image("irradiance_b")?],
+            Input::Filtered(images) => images,
+        };
+        let special = [("in_irradiance_a", Bind::from(a)), ("in_irradiance_b", Bind::from(b))];
         let kernel = if clamp_spread > 0.0 { &self.clamped } else { &self.still };
         let push = TemporalPush {
             history_valid: u32::from(history_valid),
             interpolated: u32::from(interpolated),
+            filtered: u32::from(matches!(input, Input::Filtered(_))),
             clamp_spread,
         };
-        kernel.dispatch(frame, &[], &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
+        kernel.dispatch(frame, &special, &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
     }
 }

@@ -2,8 +2,8 @@
 
 use super::resources::{Resource, Resources};
 use crate::{
-    Result,
-    gpu::{Buffer, Format, Gpu},
+    Error, Result,
+    gpu::{Buffer, Format, Gpu, Image},
     gpu_struct,
 };
 use glam::{Mat3, Quat, Vec2, Vec3};
@@ -162,5 +162,10 @@ impl View {
         resources.add("arguments", Resource::Buffer(arguments.clone()));
         resources.add("view", Resource::Buffer(data.clone()));
         Ok(Self { size, resources, data, arguments, history_reset: Some("first frame"), previous: None })
+    }
+
+    /// An image by name, as the current frame writes it.
+    pub fn image(&self, name: &str) -> Result<&Image> {
+        self.resources.image(name).ok_or_else(|| Error::Internal(format!("no image {name}")))
     }
 }
