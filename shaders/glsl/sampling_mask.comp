@@ -40,6 +40,11 @@ bool in_turn(ivec2 p, uint share) {
     return (rank + 16u - (in_view.view.frame * share) % 16u) % 16u < share;
 }
 
+bool shows(ivec2 p, int layer) {
+    float coverage = imageLoad(in_real_coverage, p).x;
+    return layer == REAL ? coverage > 0.0 : coverage < 1.0;
+}
+
 // Rays for 16 pixels: all where the 3×3 neighbours leave the pixel's surface, a quarter where the 5×5 do, else one.
 uint discontinuity_share(ivec2 p, int layer) {
     vec4 position = imageLoad(in_position, ivec3(p, layer));
@@ -51,7 +56,7 @@ uint discontinuity_share(ivec2 p, int layer) {
             ivec2 q = p + ivec2(x, y);
             if (!neighbour(q)) continue;
             vec4 other = imageLoad(in_position, ivec3(q, layer));
-            bool same = other.w > 0.0 && imageLoad(in_motion, ivec3(q, layer)).w == id
+            bool same = other.w > 0.0 && shows(q, layer) && imageLoad(in_motion, ivec3(q, layer)).w == id
                 && dot(imageLoad(in_normal, ivec3(q, layer)).xyz, normal) >= push.mask_cosine
                 && abs(dot(other.xyz - position.xyz, normal)) <= push.mask_distance * position.w;
             if (same) continue;
@@ -97,8 +102,7 @@ void main() {
     for (int layer = 0; layer < 2; layer++) {
         trace[layer] = false;
         if (!inside) continue;
-        float coverage = imageLoad(in_real_coverage, p).x;
-        bool present = in_view.view.instance_count > 0u && imageLoad(in_position, ivec3(p, layer)).w > 0.0 && (layer == REAL ? coverage > 0.0 : coverage < 1.0);
+        bool present = in_view.view.instance_count > 0u && imageLoad(in_position, ivec3(p, layer)).w > 0.0 && shows(p, layer);
         if (present) {
             atomicAdd(active_count[layer], 1u);
             trace[layer] = traced(p, layer);
