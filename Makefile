@@ -5,7 +5,7 @@ SHADERC = $(shell scripts/shaderc-flags)
 # cargo-nextest where it is installed.
 RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" || echo test)
 
-.PHONY: demo build test lint setup clean
+.PHONY: demo build test lint docs setup clean
 
 demo: build
 	mkdir -p out
@@ -22,6 +22,10 @@ lint: setup
 	cargo fmt --check
 	cargo clippy --locked --all-targets $(SHADERC) -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps $(SHADERC)
+
+# The parts of docs/ that are made from code.
+docs: setup
+	IPRT_BLESS=1 cargo test --locked $(SHADERC) --test docs
 
 setup:
 	scripts/setup

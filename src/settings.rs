@@ -199,6 +199,10 @@ settings! {
     normals {
         normal_radius: u32 = [0, 0, 0, 0], [0.0, 64.0], "texels", "radius of the plane fits that give normals; 0: from the capture (1 for float depth, wider for integer codes)";
     }
+    depth_pyramid {
+        edge_ratio: f32 = [0.1, 0.1, 0.1, 0.1], [0.001, 10.0], "", "depths of a triangle's corners may differ by this ratio before it is a skirt, not a surface";
+        thickness: f32 = [0.3, INFINITE, 0.3, 0.3], [0.0, f64::INFINITY], "metres", "how far behind a foreground edge a ray still hits its skirt; inf: solid, so that everything behind the depth is a hit";
+    }
     relight {
         relight_levels: u32 = [1, 0, 0, 2], [0.0, 4.0], "", "how often light is passed on between relit real surfaces before rays see them; 0: rays see the capture as it is";
         relight_width: u32 = [256, 256, 256, 256], [16.0, 4096.0], "texels", "width of the relit panorama's map";
@@ -218,8 +222,6 @@ settings! {
     }
     irradiance {
         real_tracer: RealTracer = [RealTracer::Surface, RealTracer::Surface, RealTracer::Direction, RealTracer::Surface], ANY, "", "how rays meet the real scene";
-        edge_ratio: f32 = [0.1, 0.1, 0.1, 0.1], [0.001, 10.0], "", "depths of a triangle's corners may differ by this ratio before it is a skirt, not a surface";
-        thickness: f32 = [0.3, INFINITE, 0.3, 0.3], [0.0, f64::INFINITY], "metres", "how far behind a foreground edge a ray still hits its skirt; inf: solid, so that everything behind the depth is a hit";
         virtual_tracer: VirtualTracer = [VirtualTracer::Bvh, VirtualTracer::Screen, VirtualTracer::Bvh, VirtualTracer::Bvh], ANY, "", "how the picture's rays meet virtual objects; the relit map's rays use the BVH";
         screen_thickness: f32 = [0.1, 0.1, 0.1, 0.1], [0.0, f64::INFINITY], "metres", "`virtual_tracer = screen`: how thick objects are taken to be behind what is seen";
         screen_stride: f32 = [1.0, 1.0, 1.0, 1.0], [1.0, 64.0], "pixels", "`virtual_tracer = screen`: length of a step";
