@@ -38,6 +38,12 @@ float smith_lambda(float cosine, float alpha) {
     return 0.5 * (sqrt(1.0 + alpha * alpha * (1.0 - c2) / max(c2, 1e-12)) - 1.0);
 }
 
+// Schlick 1994.
+vec3 brdf_fresnel(Surface s, float cosine) {
+    float x = clamp(1.0 - cosine, 0.0, 1.0), x2 = x * x;
+    return s.f0 + (vec3(s.f90) - s.f0) * (x2 * x2 * x);
+}
+
 // Below this α the lobe is a mirror.
 const float MIRROR_ALPHA = 1e-3;
 
@@ -53,8 +59,7 @@ vec3 brdf_specular(Surface s, Lobes l, vec3 to_eye, vec3 d, out float density) {
     float distribution = a2 / (PI * k * k);
     float lo = smith_lambda(no, alpha), li = smith_lambda(ni, alpha);
     density = distribution / ((1.0 + lo) * 4.0 * no);
-    float fresnel = pow(clamp(1.0 - oh, 0.0, 1.0), 5.0);
-    return (s.f0 + (vec3(s.f90) - s.f0) * fresnel) * l.scale * (distribution / (4.0 * no * (1.0 + lo + li)));
+    return brdf_fresnel(s, oh) * l.scale * (distribution / (4.0 * no * (1.0 + lo + li)));
 }
 
 // A direction of the GGX lobe by visible normals (Dupuy and Benyoub 2023). A mirror's weight f·cos/p is `mirror`.
@@ -67,12 +72,11 @@ vec3 brdf_sample_specular(Surface s, Lobes l, vec3 to_eye, vec2 u, out vec3 mirr
     mirror = vec3(0.0);
     if (alpha >= MIRROR_ALPHA) {
         vec3 stretched = normalize(vec3(o.xy * alpha, o.z));
-        float phi = 2.0 * PI * u.x;
         float z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
         float r = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
-        h = vec3(r * cos(phi), r * sin(phi), z) + stretched;
+        h = vec3(r * circle(u.x), z) + stretched;
         h = normalize(vec3(h.xy * alpha, max(h.z, 1e-6)));
-    } else mirror = (s.f0 + (vec3(s.f90) - s.f0) * pow(clamp(1.0 - o.z, 0.0, 1.0), 5.0)) * l.scale;
+    } else mirror = brdf_fresnel(s, o.z) * l.scale;
     vec3 d = normalize(frame * reflect(-o, h));
     if (dot(d, s.geometric) <= 0.0) mirror = vec3(0.0);
     return d;

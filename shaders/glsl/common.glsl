@@ -80,9 +80,10 @@ vec2 random_next2(inout Random random) {
 
 float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
 
-// An orthonormal basis around a unit vector (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
+// An orthonormal basis around a unit vector (Duff et al. 2017, "Building an Orthonormal Basis, Revisited"). It turns over not at
+// z = 0, where floors and walls are, so that the last bit of a normal, which drivers differ in, does not turn all their rays.
 mat3 basis(vec3 n) {
-    float s = n.z >= 0.0 ? 1.0 : -1.0;
+    float s = n.z >= -0.347 ? 1.0 : -1.0;
     float a = -1.0 / (s + n.z);
     float b = n.x * n.y * a;
     return mat3(vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
@@ -104,11 +105,24 @@ float arctangent(float y, float x) {
     return y < 0.0 ? -a : a;
 }
 
+// (cos, sin) of an angle in turns, to 2e-7 on every driver: Vulkan allows its own sine 2^-11.
+vec2 circle(float turns) {
+    float quarter = floor(4.0 * turns + 0.5);
+    float x = (turns - 0.25 * quarter) * (2.0 * PI), z = x * x;
+    vec2 c = vec2(1.0 + z * (-0.5 + z * (4.16666667e-2 + z * (-1.38888889e-3 + z * 2.48015873e-5))),
+        x * (1.0 + z * (-1.66666667e-1 + z * (8.33333333e-3 + z * (-1.98412698e-4 + z * 2.75573192e-6)))));
+    int q = int(quarter) & 3;
+    if ((q & 1) != 0) c = vec2(-c.y, c.x);
+    return q >= 2 ? -c : c;
+}
+
 // Cosine-weighted direction about n; density cos/π.
 vec3 sample_cosine(vec3 n, vec2 u) {
-    float r = sqrt(u.x), phi = 2.0 * PI * u.y;
-    return normalize(basis(n) * vec3(r * cos(phi), r * sin(phi), sqrt(max(0.0, 1.0 - u.x))));
+    return normalize(basis(n) * vec3(sqrt(u.x) * circle(u.y), sqrt(max(0.0, 1.0 - u.x))));
 }
+
+// Rounded to what a 16-bit float holds exactly for values up to 1: drivers round differently on storing.
+vec3 to_half(vec3 v) { return floor(v * 2048.0 + 0.5) * (1.0 / 2048.0); }
 
 // A texel of a periodic map: columns wrap, rows beyond a pole continue on the opposite meridian.
 ivec2 wrap_texel(ivec2 p, ivec2 size) {
@@ -134,9 +148,8 @@ vec3 view_direction(vec2 pixel) {
     View v = in_view.view;
     vec2 s = pixel / vec2(v.size);
     if (v.projection == EQUIRECT) {
-        float phi = 2.0 * PI * (s.x - 0.5), theta = PI * s.y;
-        float st = sin(theta);
-        return normalize(v.right * (st * sin(phi)) + v.up * cos(theta) + v.forward * (st * cos(phi)));
+        vec2 phi = circle(s.x - 0.5), theta = circle(0.5 * s.y);
+        return normalize(v.right * (theta.y * phi.y) + v.up * theta.x + v.forward * (theta.y * phi.x));
     }
     vec2 ndc = vec2(2.0 * s.x - 1.0, 1.0 - 2.0 * s.y) * v.tan_half;
     return normalize(v.forward + v.right * ndc.x + v.up * ndc.y);

@@ -48,7 +48,7 @@ void write_virtual(ivec2 p, SceneHit hit, vec3 d) {
     TriangleGeometry tri = in_triangles.triangle[hit.triangle];
     vec3 previous = transform_point(instance.previous_object_to_world, tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y);
     imageStore(out_position, ivec3(p, VIRTUAL), vec4(s.position, hit.t));
-    imageStore(out_normal, ivec3(p, VIRTUAL), vec4(s.normal, s.roughness));
+    imageStore(out_normal, ivec3(p, VIRTUAL), vec4(to_half(s.normal), s.roughness));
     // relative to where this ray meets the image, so that a surface seen beside the pixel's centre is followed too
     vec4 motion = motion_of(vec2(p) + 0.5, previous, float(instance.id));
     imageStore(out_motion, ivec3(p, VIRTUAL), motion);

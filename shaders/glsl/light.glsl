@@ -31,15 +31,15 @@ vec3 light_sample(vec2 u, vec2 within) {
         if (in_lights.value[first + mid] > x) hi = mid; else lo = mid + 1;
     }
     vec2 uv = (vec2(lo, row) + within) / vec2(LIGHT_CELLS);
-    float phi = 2.0 * PI * (uv.x - 0.5) - in_view.view.yaw, theta = PI * uv.y;
-    return vec3(sin(theta) * sin(phi), cos(theta), -sin(theta) * cos(phi));
+    vec2 phi = circle(uv.x - 0.5 - in_view.view.yaw / (2.0 * PI)), theta = circle(0.5 * uv.y);
+    return vec3(theta.y * phi.y, theta.x, -theta.y * phi.x);
 }
 
 // Density of light_sample per solid angle about the centre.
 float light_density_centre(vec2 uv) {
     ivec2 cell = clamp(ivec2(uv * vec2(LIGHT_CELLS)), ivec2(0), LIGHT_CELLS - 1);
     float p = in_lights.value[LIGHT_WEIGHTS_AT + cell.y * LIGHT_CELLS.x + cell.x] / max(in_lights.total, 1e-20);
-    return p * float(LIGHT_CELLS.x * LIGHT_CELLS.y) / (2.0 * PI * PI * max(sin(PI * uv.y), 1e-4));
+    return p * float(LIGHT_CELLS.x * LIGHT_CELLS.y) / (2.0 * PI * PI * max(circle(0.5 * uv.y).y, 1e-4));
 }
 
 // The same per solid angle about x, for what a ray from x along d met: p_c·(r² cos θ_c)/(D² cos θ_x) on a surface, p_c where the ray

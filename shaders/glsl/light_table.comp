@@ -16,7 +16,7 @@ shared float mean;
 void main() {
     int row = int(gl_LocalInvocationIndex);
     int weights = LIGHT_WEIGHTS_AT + row * LIGHT_CELLS.x, cumulative = LIGHT_CUMULATIVE_AT + row * LIGHT_CELLS.x;
-    float solid_angle = (cos(PI * float(row) / float(LIGHT_CELLS.y)) - cos(PI * float(row + 1) / float(LIGHT_CELLS.y))) * 2.0 * PI / float(LIGHT_CELLS.x);
+    float solid_angle = (circle(0.5 * float(row) / float(LIGHT_CELLS.y)).x - circle(0.5 * float(row + 1) / float(LIGHT_CELLS.y)).x) * 2.0 * PI / float(LIGHT_CELLS.x);
     float sum = 0.0;
     for (int x = 0; x < LIGHT_CELLS.x; x++) sum += lights.value[weights + x] * solid_angle;
     row_sum[row] = sum;

@@ -37,13 +37,14 @@ void main() {
                 if (abs(e) > limit && !(x == 0 && y == 0)) continue;
                 // a little in favour of this texel's own plane
                 float cost = (plane.w + 0.25 * e * e + 1e-8 * q * q) * (x == 0 && y == 0 ? 0.8 : 1.0);
-                if (cost < best_cost) { best_cost = cost; best = plane.xyz; }
+                // clearly better, not by a rounding, which drivers differ in: at a crease both planes may fit exactly
+                if (cost < 0.99 * best_cost) { best_cost = cost; best = plane.xyz; }
             }
         }
         float smoothed = dot(best, direction);
         if (step_here > 0.0 && best_cost < FAR) depth = 1.0 / clamp(smoothed, max(q - 0.75 * step_here, 0.25 * q), q + 0.75 * step_here);
     }
     vec3 normal = dot(best, best) > 0.0 ? -normalize(best) : -direction;
-    imageStore(out_panorama_normal, p, vec4(normal, 0.0));
+    imageStore(out_panorama_normal, p, vec4(to_half(normal), 0.0));
     out_depth.depth[index] = depth;
 }

@@ -32,11 +32,11 @@ shared uint group_base[2];
 shared uint active_count[2];
 
 // 4×4 ordered dither: every power-of-two share of the ranks is spread evenly.
-const uint RANK[16] = uint[16](0u, 8u, 2u, 10u, 12u, 4u, 14u, 6u, 3u, 11u, 1u, 9u, 15u, 7u, 13u, 5u);
+const uvec4 RANK[4] = uvec4[4](uvec4(0u, 8u, 2u, 10u), uvec4(12u, 4u, 14u, 6u), uvec4(3u, 11u, 1u, 9u), uvec4(15u, 7u, 13u, 5u));
 
 // Which of the 4×4 are traced in a frame, so many of 16; all in turn.
 bool in_turn(ivec2 p, uint share) {
-    uint rank = RANK[(p.y & 3) * 4 + (p.x & 3)];
+    uint rank = RANK[p.y & 3][p.x & 3];
     return (rank + 16u - (in_view.view.frame * share) % 16u) % 16u < share;
 }
 

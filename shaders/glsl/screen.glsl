@@ -63,6 +63,8 @@ SceneHit screen_perspective(vec3 origin, vec3 d, float t_max, float jitter) {
     return hit;
 }
 
+float sine_of(float angle) { return circle(angle / (2.0 * PI)).y; }
+
 SceneHit screen_equirect(vec3 origin, vec3 d, float t_max, float jitter) {
     View v = in_view.view;
     SceneHit hit = SceneHit(FAR, NONE, NONE, vec2(0.0));
@@ -78,10 +80,11 @@ SceneHit screen_equirect(vec3 origin, vec3 d, float t_max, float jitter) {
     float step = push.screen_stride * pixel_angle();
     for (float x = SCREEN_GAP * pixel_angle() + step * push.screen_jitter * jitter; x < total; x += step) {
         float ahead = total - x;
-        float t = from * sin(x) / sin(ahead);
+        float t = from * sine_of(x) / sine_of(ahead);
         if (t > t_max) break;
-        float r0 = from * sine / sin(min(ahead + 0.5 * step, PI - 1e-4)), r1 = from * sine / sin(max(ahead - 0.5 * step, 1e-4));
-        vec3 w = start * cos(x) + across * sin(x);
+        float r0 = from * sine / sine_of(min(ahead + 0.5 * step, PI - 1e-4)), r1 = from * sine / sine_of(max(ahead - 0.5 * step, 1e-4));
+        vec2 c = circle(x / (2.0 * PI));
+        vec3 w = start * c.x + across * c.y;
         vec3 local = vec3(dot(w, v.right), dot(w, v.up), dot(w, v.forward));
         vec2 uv = vec2(arctangent(local.x, local.z) / (2.0 * PI) + 0.5, arctangent(length(local.xz), local.y) / PI);
         if (screen_hit(ivec2(floor(uv * vec2(v.size))), min(r0, r1), max(r0, r1), vec3(0.0), hit)) {
