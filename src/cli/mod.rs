@@ -4,6 +4,7 @@
 pub mod bench;
 pub mod check;
 pub mod common;
+pub mod compare;
 pub mod devices;
 pub mod reference;
 pub mod render;
@@ -37,6 +38,8 @@ pub enum Command {
     Bench(bench::Args),
     /// Render the converged picture of the method's own model
     Reference(reference::Args),
+    /// Measure how far a picture is from the truth
+    Compare(compare::Args),
     /// Report every problem of a scene at once
     Check(check::Args),
 }
@@ -48,6 +51,7 @@ impl Command {
             Self::Render(args) => render::run(&args),
             Self::Bench(args) => bench::run(&args),
             Self::Reference(args) => reference::run(&args),
+            Self::Compare(args) => compare::run(&args),
             Self::Check(args) => check::run(&args),
         }
     }

@@ -1,3 +1,4 @@
-//! Measuring: what a frame costs.
+//! Measuring: what a frame costs, and how far a picture is from another.
 
 pub mod bench;
+pub mod metrics;

@@ -1,0 +1,77 @@
+//! `iprt compare`: how far a picture is from the truth.
+
+use crate::{
+    Error, Result,
+    image_file::{
+        read::{ColorImage, read},
+        write::write_png,
+    },
+    measure::metrics::{Metrics, Picture, compare, flip_map},
+};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `iprt compare`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// The picture (.exr, .png, .jpg, .hdr)
+    pub test: PathBuf,
+    /// What it should be
+    pub truth: PathBuf,
+    /// Only where this picture is bright (at least ½)
+    #[arg(long, value_name = "PNG")]
+    pub mask: Option<PathBuf>,
+    /// Factor on radiance before display, for PSNR, SSIM and FLIP
+    #[arg(long, default_value_t = 1.0)]
+    pub exposure: f32,
+    /// Write FLIP's error of each pixel: black none, white most
+    #[arg(long, value_name = "PNG")]
+    pub diff: Option<PathBuf>,
+    /// Print the numbers as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Compares and prints.
+pub fn run(args: &Args) -> Result<()> {
+    if !(args.exposure.is_finite() && args.exposure > 0.0) {
+        return Err(Error::input("--exposure", args.exposure, "give a positive number"));
+    }
+    let (test, truth) = (color(&args.test)?, color(&args.truth)?);
+    let names = [&args.test, &args.truth].map(|path| path.display().to_string());
+    let test = Picture { subject: &names[0], size: test.size, texels: &test.texels };
+    let truth = Picture { subject: &names[1], size: truth.size, texels: &truth.texels };
+    let mask = args.mask.as_deref().map(|path| region(path, truth.size)).transpose()?;
+    let metrics = compare(test, truth, mask.as_deref(), args.exposure)?;
+    if let Some(path) = &args.diff {
+        let codes: Vec<u8> =
+            flip_map(test, truth, args.exposure)?.iter().map(|e| (e.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
+        write_png(path, truth.size, &codes, 1)?;
+    }
+    if args.json {
+        let json = serde_json::to_string(&metrics).map_err(|e| Error::Internal(e.to_string()))?;
+        return super::print(&json);
+    }
+    super::print(&table(&metrics))
+}
+
+fn color(path: &Path) -> Result<ColorImage> {
+    read(path)?.into_color(&path.display().to_string())
+}
+
+/// The bright half of a mask.
+fn region(path: &Path, size: [u32; 2]) -> Result<Vec<bool>> {
+    let image = read(path)?.into_color(&path.display().to_string())?;
+    if image.size != size {
+        let problem = format!("is {}×{}, the pictures are {}×{}", image.size[0], image.size[1], size[0], size[1]);
+        return Err(Error::input(path.display(), problem, "give a mask of their size"));
+    }
+    // half of the code, decoded from sRGB
+    Ok(image.texels.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0 >= if image.ldr { 0.214 } else { 0.5 }).collect())
+}
+
+fn table(m: &Metrics) -> String {
+    format!(
+        "FLIP {:.4}  PSNR {:.2} dB  SSIM {:.4}  RMSE {:.5}  relMSE {:.5}  largest {:.4}  mean ratio {:.4}  pixels {}",
+        m.flip, m.psnr, m.ssim, m.rmse, m.relmse, m.max_abs, m.mean_ratio, m.pixels
+    )
+}
