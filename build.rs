@@ -18,7 +18,8 @@ fn compile(sources: &str, table_name: &str) {
     options.set_optimization_level(shaderc::OptimizationLevel::Performance);
     options.set_generate_debug_info(); // keeps binding and member names, by which bindings are matched
     options.set_warnings_as_errors();
-    let includes = folder.clone();
+    // the tests' shaders include the project's
+    let includes = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("shaders/glsl");
     options.set_include_callback(move |name, _, _, _| {
         let path = includes.join(name);
         let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;

@@ -7,6 +7,7 @@ use iprt::{
     gpu_struct,
 };
 
+#[allow(dead_code, reason = "each test file uses a part of them")]
 mod shaders {
     include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
 }

@@ -55,7 +55,8 @@ vec3 brdf_specular(Surface s, Lobes l, vec3 to_eye, vec3 d, out float density) {
     if (alpha < MIRROR_ALPHA || ni <= 0.0 || dot(d, s.geometric) <= 0.0) return vec3(0.0);
     vec3 h = normalize(to_eye + d);
     float nh = max(dot(s.normal, h), 0.0), oh = max(dot(to_eye, h), 0.0);
-    float a2 = alpha * alpha, k = nh * nh * (a2 - 1.0) + 1.0;
+    vec3 aside = cross(s.normal, h); // 1 − nh² without its cancellation
+    float a2 = alpha * alpha, k = nh * nh * a2 + dot(aside, aside);
     float distribution = a2 / (PI * k * k);
     float lo = smith_lambda(no, alpha), li = smith_lambda(ni, alpha);
     density = distribution / ((1.0 + lo) * 4.0 * no);
