@@ -48,6 +48,31 @@ pub fn room(size: [u32; 2], extent: Vec3, center: Vec3, radiance: impl Fn(Vec3) 
     }
 }
 
+/// A panorama of real surfaces at any distances, 0 for holes, and of any radiance by direction.
+pub fn surroundings(size: [u32; 2], distance: impl Fn(Vec3) -> f32, radiance: impl Fn(Vec3) -> Vec3) -> PanoramaFrame {
+    let directions: Vec<Vec3> =
+        (0..size[0] * size[1]).map(|i| texel_direction(i % size[0], i / size[0], size).as_vec3()).collect();
+    PanoramaFrame {
+        color_size: size,
+        radiance: directions.iter().map(|d| radiance(*d).extend(1.0).to_array()).collect(),
+        depth_size: size,
+        depth: directions.iter().map(|d| distance(*d)).collect(),
+        ..Default::default()
+    }
+}
+
+/// Where a ray from the capture point leaves a box that holds it.
+pub fn leaves(d: Vec3, low: Vec3, high: Vec3) -> f32 {
+    (Vec3::select(d.cmpgt(Vec3::ZERO), high, low) / d).abs().min_element()
+}
+
+/// Where a ray from the capture point enters a box, if it does.
+pub fn enters(d: Vec3, low: Vec3, high: Vec3) -> Option<f32> {
+    let (a, b) = (low / d, high / d);
+    let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+    (enter < leave && enter > 0.0).then_some(enter)
+}
+
 /// Radiance 1 everywhere and a floor at y = −1.5, walls far away.
 pub fn floor() -> PanoramaFrame {
     room([128, 64], vec3(16.0, 9.5, 16.0), vec3(0.0, 3.25, 0.0), |_| Vec3::ONE)
@@ -122,6 +147,28 @@ pub fn camera(position: Vec3, target: Vec3, fov_y: f32) -> CameraTrack {
     }
 }
 
+/// A camera that has another view each second, given by position, target and full vertical angle: several pictures of one
+/// renderer, for it is the renderer that takes time to make.
+pub fn views(list: &[(Vec3, Vec3, f32)]) -> CameraTrack {
+    let second = |k: usize| k as f64;
+    let keys =
+        |of: &dyn Fn(&(Vec3, Vec3, f32)) -> Vec3| list.iter().enumerate().map(|(k, v)| (second(k), of(v))).collect();
+    CameraTrack {
+        position: Track::from_keys(keys(&|v| v.0), Vec3::ZERO),
+        aim: Aim::LookAt(Track::from_keys(keys(&|v| v.1), Vec3::ZERO)),
+        fov_y_degrees: Track::from_keys(list.iter().enumerate().map(|(k, v)| (second(k), v.2)).collect(), 60.0),
+        ..CameraTrack::at_point(Vec3::ZERO)
+    }
+}
+
+/// This many frames of the view of a second, from nothing.
+pub fn accumulate(renderer: &mut Renderer, scene: &Scene, second: usize, frames: u32) {
+    renderer.reset_history("another view");
+    for _ in 0..frames {
+        renderer.render(scene, second as f64).expect("renders");
+    }
+}
+
 pub fn scene(panorama: PanoramaFrame, camera: CameraTrack, objects: Vec<Object>) -> Scene {
     let panorama = PanoramaSource::from_frames(vec![panorama], 30.0, Vec3::ZERO, 0.0).expect("a good panorama");
     Scene::assemble("test", panorama, camera, objects, RenderSettings::default()).expect("a good scene")
@@ -136,6 +183,20 @@ pub fn options(method: Method, set: &[(&str, &str)]) -> RenderOptions {
         settings.set(name, value, "test").expect("a good setting");
     }
     RenderOptions { size: SIZE, method, settings, projection: Projection::Perspective, seed: 1, without_objects: false }
+}
+
+/// A method in its limit: every pixel traced in every frame, nothing filtered, a history without end.
+pub fn converged(method: Method, set: &[(&str, &str)]) -> RenderOptions {
+    let limit = [
+        ("sampling_mask", "false"),
+        ("interpolate", "false"),
+        ("temporal", "true"),
+        ("history", "16777216"),
+        ("history_moving", "16777216"),
+        ("clamp", "0"),
+        ("atrous_levels", "0"),
+    ];
+    options(method, &[&limit, set].concat())
 }
 
 /// A renderer after this many frames at time 0.
