@@ -9,17 +9,14 @@ use iprt::{
     gpu::Gpu,
     panorama::source::{PanoramaFrame, PanoramaSource},
     passes::view::Projection,
-    renderer::RenderOptions,
+    renderer::{RenderOptions, Renderer},
     scene::{Object, Scene, camera::CameraTrack, file::RenderSettings},
     settings::Method,
 };
 use std::f32::consts::{PI, TAU};
 
-/// What holds for all methods.
-const METHODS: [Method; 2] = [Method::Iprt, Method::Reference];
-
-/// What differs between methods in their limit: `reference` is that of `iprt`.
-const LIMITS: [Method; 1] = [Method::Iprt];
+/// Methods that differ in their limit: `reference` is `iprt` there.
+const LIMITS: [Method; 3] = [Method::Iprt, Method::Paper, Method::Ibl];
 
 // --- the plain panorama ---
 
@@ -42,9 +39,9 @@ fn without_objects_the_picture_is_what_the_camera_sees_bit_for_bit() {
             views(&[(Vec3::ZERO, target, 20.0), (Vec3::ZERO, target, 100.0), (vec3(0.3, 0.2, -0.1), target, 70.0)]);
         for projection in [Projection::Perspective, Projection::Equirect] {
             let mut pictures: Vec<Texels> = vec![];
-            for method in METHODS {
+            for method in Method::ALL {
                 let things =
-                    if method == METHODS[0] { vec![] } else { vec![ball(0.3, lambert(0.5), vec3(0.2, -0.4, -1.5))] };
+                    if method == Method::Iprt { vec![] } else { vec![ball(0.3, lambert(0.5), vec3(0.2, -0.4, -1.5))] };
                 let without_objects = !things.is_empty();
                 let scene = scene(room_with_table(), track.clone(), things);
                 let options = RenderOptions { projection, without_objects, ..options(method, &[]) };
@@ -100,7 +97,7 @@ fn what_no_object_can_influence_keeps_its_bits() {
         let table = camera(Vec3::ZERO, vec3(0.0, -1.0, -0.9), 60.0);
         let upon = || vec![ball(0.2, lambert(0.5), vec3(0.0, -0.5, -1.2))];
         let on_front = |p: Vec3| (p.z - TABLE[1].z).abs() < 2e-3 && p.y < TABLE[1].y - 0.1 && p.x.abs() < 0.85;
-        for method in METHODS {
+        for method in Method::ALL {
             let picture = |panorama, track: &CameraTrack, objects, set: &[(&str, &str)]| {
                 let scene = scene(panorama, track.clone(), objects);
                 let renderer = rendered(gpu, &scene, options(method, &[set, &[("relight_width", "32")]].concat()), 4);
@@ -147,7 +144,7 @@ fn turned_scene(frame: PanoramaFrame, yaw: f32, objects: Vec<Object>) -> Scene {
 #[test]
 fn rolling_the_panorama_and_undoing_it_by_yaw_changes_nothing() {
     validated(|gpu| {
-        // so even that no directions are drawn towards lights, whose cells would move against the texels
+        // so even that no directions are drawn towards lights, whose cells would move against the texels: the paths are then the same
         let mut frame = room_with_table();
         for texel in &mut frame.radiance {
             texel[..3].iter_mut().for_each(|x| *x = 1.0 + 0.08 * (*x - 0.6));
@@ -158,7 +155,7 @@ fn rolling_the_panorama_and_undoing_it_by_yaw_changes_nothing() {
             let picture = |k| {
                 let (frame, yaw) = rolled(&frame, k);
                 let scene = turned_scene(frame, yaw, things());
-                aov(&rendered(gpu, &scene, converged(method, &[("relight_levels", "0")]), 64), "radiance")
+                aov(&rendered(gpu, &scene, converged(method, &[("relight_levels", "0")]), 8), "radiance")
             };
             let straight = picture(0);
             for k in [1, 77] {
@@ -207,7 +204,7 @@ const AXES: [Vec3; 6] = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Ve
 fn a_polynomial_of_direction_is_reproduced() {
     validated(|gpu| {
         let panorama = surroundings([256, 128], |_| 3.0, |d| Vec3::splat(LIGHT.radiance(d)));
-        for method in METHODS {
+        for method in Method::ALL {
             let track = views(&AXES.map(|target| (Vec3::ZERO, target, 60.0)));
             let scene = scene(panorama.clone(), track.clone(), vec![]);
             let mut renderer = rendered(gpu, &scene, options(method, &[]), 0);
@@ -264,35 +261,43 @@ fn the_irradiance_of_a_polynomial_is_the_closed_form_on_virtual_surfaces() {
             let options = RenderOptions { size: SMALL, ..converged(method, &[("relight_levels", "0")]) };
             let mut renderer = rendered(gpu, &scene, options, 0);
             for (second, from) in AXES.iter().enumerate() {
-                accumulate(&mut renderer, &scene, second, 96);
+                accumulate(&mut renderer, &scene, second, 40);
                 let images = ["irradiance_virtual", "normal_virtual", "real_coverage"];
                 let [irradiance, normal, coverage] = images.map(|name| aov(&renderer, name));
                 let of = |i: usize| (coverage[i][0] == 0.0).then(|| LIGHT.irradiance(Vec3::from_slice(&normal[i])));
                 let (mean, largest) = irradiance_error(&irradiance, SMALL, of);
-                // measured: 0.0086, 0.027, the noise of 96 paths
-                assert!(mean < 0.015 && largest < 0.05, "{method:?}, from {from}: {mean}, {largest}");
+                // measured: 0.014, 0.040, the noise of 40 paths
+                assert!(mean < 0.025 && largest < 0.08, "{method:?}, from {from}: {mean}, {largest}");
             }
         }
     });
 }
 
 #[test]
-fn on_a_sphere_around_the_capture_point_every_real_surface_has_the_mean_light() {
+fn on_a_sphere_around_the_capture_point_real_surfaces_have_the_closed_form() {
     validated(|gpu| {
-        // seen from anywhere on a sphere, equal areas of it send equal light: E = π·mean(L), poles and seam included
         let panorama = surroundings([256, 128], |_| 1e4, |d| Vec3::splat(LIGHT.radiance(d)));
         // a ball under the ground, out of sight: without any, nothing is traced
         let things = vec![ball(0.1, lambert(0.5), vec3(0.0, -2e4, 0.0))];
-        let scene = scene(panorama, views(&AXES.map(|target| (Vec3::ZERO, target, 60.0))), things);
+        let track = views(&AXES.map(|target| (Vec3::ZERO, target, 60.0)));
+        let scene = scene(panorama, track.clone(), things);
         for method in LIMITS {
             let options = RenderOptions { size: SMALL, ..converged(method, &[("relight_levels", "0")]) };
             let mut renderer = rendered(gpu, &scene, options, 0);
             for (second, target) in AXES.iter().enumerate() {
                 accumulate(&mut renderer, &scene, second, 64);
-                let irradiance = aov(&renderer, "irradiance_real");
-                let (mean, largest) = irradiance_error(&irradiance, SMALL, |_| Some(PI * LIGHT.c));
-                // measured: 0.0065, 0.022, the noise of 64 paths
-                assert!(mean < 0.012 && largest < 0.05, "{method:?}, towards {target}: {mean}, {largest}");
+                let of = |i: usize| {
+                    let at = vec2((i as u32 % SMALL[0]) as f32, (i as u32 / SMALL[0]) as f32) + 0.5;
+                    Some(match method {
+                        // by direction alone it is that of an infinitely far sphere about the inward normal
+                        Method::Ibl => LIGHT.irradiance(-pixel_direction(&track, second as f64, SMALL, at)),
+                        // equal areas of a sphere send equal light to any of its points: π·mean(L)
+                        _ => PI * LIGHT.c,
+                    })
+                };
+                let (mean, largest) = irradiance_error(&aov(&renderer, "irradiance_real"), SMALL, of);
+                // measured: 0.012, 0.046, the noise of 64 paths
+                assert!(mean < 0.02 && largest < 0.08, "{method:?}, towards {target}: {mean}, {largest}");
             }
         }
     });
@@ -351,7 +356,7 @@ fn shadow_views(gpu: &Gpu, method: Method) -> (f32, f32, f32) {
     let scene = scene(floor(), track.clone(), vec![ball(0.4, lambert(0.0), vec3(0.0, -0.6, -0.55))]);
     let mut renderer = rendered(gpu, &scene, converged(method, &[("relight_levels", "0")]), 0);
     let [a, b] = [0, 1].map(|second| {
-        accumulate(&mut renderer, &scene, second, 192);
+        accumulate(&mut renderer, &scene, second, 96);
         let images = ["irradiance_mixed", "irradiance_real", "position_real", "real_coverage"];
         let [mixed, real, position, coverage] = images.map(|name| aov(&renderer, name));
         let known = |i: usize| coverage[i][0] == 1.0 && (position[i][1] - FLOOR).abs() < 1e-3;
@@ -366,12 +371,21 @@ fn shadow_views(gpu: &Gpu, method: Method) -> (f32, f32, f32) {
 #[test]
 fn a_shadow_does_not_depend_on_where_the_camera_looks() {
     validated(|gpu| {
-        for method in LIMITS {
+        for method in [Method::Iprt, Method::Ibl] {
             let (rms, largest, darkest) = shadow_views(gpu, method);
             assert!(darkest < 0.9, "{method:?}: there is a shadow: {darkest}");
-            // measured: 0.010, 0.024, the noise of 192 paths
-            assert!(rms < 0.02 && largest < 0.05, "{method:?}: {rms}, {largest}");
+            // measured: 0.013, 0.029, the noise of 96 paths
+            assert!(rms < 0.025 && largest < 0.06, "{method:?}: {rms}, {largest}");
         }
+    });
+}
+
+#[test]
+fn what_the_screen_does_not_show_casts_no_shadow_in_the_papers_method() {
+    validated(|gpu| {
+        let (rms, largest, darkest) = shadow_views(gpu, Method::Paper);
+        // measured: 0.056, 0.088
+        assert!(rms > 0.04 && largest > 0.07 && darkest > 0.99, "{rms}, {largest}, {darkest}");
     });
 }
 
@@ -406,7 +420,7 @@ fn lamp_error(gpu: &Gpu, method: Method) -> (f32, f32, f32) {
     // the floor is seen; a ball behind the camera keeps the lighting going
     let track = camera(Vec3::ZERO, vec3(0.0, -0.9, -0.9), 70.0);
     let scene = scene(panorama, track, vec![ball(0.05, lambert(0.0), vec3(0.0, 0.0, 2.0))]);
-    let renderer = rendered(gpu, &scene, converged(method, &[("relight_levels", "0")]), 256);
+    let renderer = rendered(gpu, &scene, converged(method, &[("relight_levels", "0")]), 128);
     let [real, position] = ["irradiance_real", "position_real"].map(|name| aov(&renderer, name));
     let of = |i: usize| {
         let p = Vec3::from_slice(&position[i]);
@@ -421,11 +435,87 @@ fn lamp_error(gpu: &Gpu, method: Method) -> (f32, f32, f32) {
 #[test]
 fn a_lamp_near_by_lights_by_its_distance() {
     validated(|gpu| {
-        for method in LIMITS {
-            let (mean, largest, range) = lamp_error(gpu, method);
-            assert!(range > 10.0, "near and far differ: {range}");
-            // measured: 0.015, 0.062, the noise of 256 paths
-            assert!(mean < 0.025 && largest < 0.1, "{method:?}: {mean}, {largest}");
+        let (mean, largest, range) = lamp_error(gpu, Method::Iprt);
+        assert!(range > 10.0, "near and far differ: {range}");
+        // measured: 0.021, 0.080, the noise of 128 paths
+        assert!(mean < 0.035 && largest < 0.14, "{mean}, {largest}");
+        let (mean, largest, _) = lamp_error(gpu, Method::Ibl);
+        assert!(mean > 0.5 && largest > 2.0, "a light by direction alone is the same everywhere: {mean}, {largest}");
+    });
+}
+
+// --- ways of drawing directions ---
+
+/// Means over 4×4 pixels of all that is accumulated linearly, one row for each of `repeats` independent accumulations of `frames` frames.
+fn repeated(renderer: &mut Renderer, scene: &Scene, frames: u32, repeats: u32) -> Vec<Vec<f64>> {
+    let run = |_| {
+        accumulate(renderer, scene, 0, frames);
+        let images = ["irradiance_real", "irradiance_mixed", "irradiance_virtual", "radiance_specular"];
+        let blocks = |name: &str| {
+            let image = aov(renderer, name);
+            let mean =
+                move |block| block_pixels(block, SMALL[0]).iter().map(|i| f64::from(image[*i][1])).sum::<f64>() / 16.0;
+            (0..SMALL[0] * SMALL[1] / 16).map(mean)
+        };
+        images.into_iter().flat_map(blocks).collect()
+    };
+    (0..repeats).map(run).collect()
+}
+
+/// Mean and variance over the repeats, block by block.
+fn moments(runs: &[Vec<f64>]) -> Vec<(f64, f64)> {
+    let n = runs.len() as f64;
+    let of = |i: usize| {
+        let mean = runs.iter().map(|run| run[i]).sum::<f64>() / n;
+        (mean, runs.iter().map(|run| (run[i] - mean).powi(2)).sum::<f64>() / (n - 1.0))
+    };
+    (0..runs[0].len()).map(of).collect()
+}
+
+#[test]
+fn every_way_of_drawing_directions_gives_the_same_light_and_its_variance_falls_with_the_paths() {
+    validated(|gpu| {
+        const REPEATS: u32 = 24;
+        // no skirts (so the panorama is fine enough for the far floor), no mirrors, nothing near a wall; lights bright and wide enough for every way to find
+        let lights = |d: Vec3| {
+            let lamp = |at: Vec3| if d.dot(at.normalize()) > 0.9 { 6.0 } else { 0.0 };
+            Vec3::splat(0.5 + lamp(vec3(0.5, 0.8, 0.2)) + lamp(vec3(-0.9, 0.2, -0.5)))
+        };
+        let panorama = room([256, 128], vec3(6.0, 3.0, 6.0), Vec3::ZERO, lights);
+        let things =
+            vec![ball(0.3, lambert(0.6), vec3(-0.35, -0.5, -1.4)), ball(0.3, metal(0.8), vec3(0.4, -0.5, -1.4))];
+        let scene = scene(panorama, camera(Vec3::ZERO, vec3(0.0, -0.9, -1.4), 60.0), things);
+        let ways = ["brdf", "light", "mis"].map(|directions| {
+            let set = [("directions", directions), ("relight_levels", "0"), ("coverage_samples", "1")];
+            let options = RenderOptions { size: SMALL, ..converged(Method::Iprt, &set) };
+            let mut renderer = rendered(gpu, &scene, options, 0);
+            let few = moments(&repeated(&mut renderer, &scene, 3, REPEATS));
+            let many = moments(&repeated(&mut renderer, &scene, 12, REPEATS));
+            // geometric mean over blocks
+            let logs = few.iter().zip(&many).filter(|(a, b)| a.1.min(b.1) > 1e-12).map(|(a, b)| (a.1 / b.1).ln());
+            let ratio = (logs.clone().sum::<f64>() / logs.count() as f64).exp();
+            // measured: brdf 4.25, light 3.37 (rare paths weigh much), mis 4.12
+            assert!((ratio / 4.0 - 1.0).abs() < 0.3, "{directions}: variance falls {ratio} times from 3 to 12 paths");
+            (directions, many)
+        });
+        for (i, (a, first)) in ways.iter().enumerate() {
+            for (b, second) in &ways[..i] {
+                let error = |(_, variance): (f64, f64)| variance / f64::from(REPEATS);
+                let z: Vec<f64> = first
+                    .iter()
+                    .zip(second)
+                    .filter(|(x, y)| x.1 + y.1 > 1e-12)
+                    .map(|(x, y)| (x.0 - y.0) / (error(*x) + error(*y)).sqrt())
+                    .collect();
+                let (mut square, mut largest, mut sum) = (0.0, 0.0f64, 0.0);
+                z.iter().for_each(|z| (square, largest, sum) = (square + z * z, largest.max(z.abs()), sum + z));
+                let n = z.len() as f64;
+                assert!(n > 60.0, "{n} blocks");
+                // measured: up to 2.8, z² 0.77 to 0.99, and 0.8 of all together
+                let together = sum.abs() / n.sqrt();
+                assert!(largest < 5.0 && together < 4.0, "{a} and {b}: z up to {largest}, together {together}");
+                assert!(square / n < 1.4, "{a} and {b}: z² is {} in the mean", square / n);
+            }
         }
     });
 }

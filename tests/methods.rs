@@ -12,16 +12,6 @@ use iprt::{
     settings::{Method, Settings},
 };
 
-/// A method's own model, converged.
-fn converged(method: Method, set: &[(&str, &str)]) -> RenderOptions {
-    let mut settings = Settings::of(method);
-    settings.converge();
-    for (name, value) in set {
-        settings.set(name, value, "test").expect("a good setting");
-    }
-    RenderOptions { settings, ..options(method, &[]) }
-}
-
 /// A dark board that stands on the floor and faces the camera: what the floor before it sees of it is in view.
 fn board_scene() -> Scene {
     let board = object(Shape::Box.mesh(vec3(1.2, 0.7, 0.01)), lambert(0.1), vec3(0.1, -1.15, -1.3));

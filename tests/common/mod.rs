@@ -185,18 +185,14 @@ pub fn options(method: Method, set: &[(&str, &str)]) -> RenderOptions {
     RenderOptions { size: SIZE, method, settings, projection: Projection::Perspective, seed: 1, without_objects: false }
 }
 
-/// A method in its limit: every pixel traced in every frame, nothing filtered, a history without end.
+/// A method's own model, converged, with some settings after that.
 pub fn converged(method: Method, set: &[(&str, &str)]) -> RenderOptions {
-    let limit = [
-        ("sampling_mask", "false"),
-        ("interpolate", "false"),
-        ("temporal", "true"),
-        ("history", "16777216"),
-        ("history_moving", "16777216"),
-        ("clamp", "0"),
-        ("atrous_levels", "0"),
-    ];
-    options(method, &[&limit, set].concat())
+    let mut settings = Settings::of(method);
+    settings.converge();
+    for (name, value) in set {
+        settings.set(name, value, "test").expect("a good setting");
+    }
+    RenderOptions { settings, ..options(method, &[]) }
 }
 
 /// A renderer after this many frames at time 0.
