@@ -171,15 +171,11 @@ fn rolling_the_panorama_and_undoing_it_by_yaw_changes_nothing() {
                 aov(&rendered(gpu, &scene, converged(method, &[("relight_levels", "0")]), 8), "radiance")
             };
             let straight = picture(0);
-            for k in [77] {
-                let turned = picture(k);
-                let differ = |(a, b): &(&[f32; 4], &[f32; 4])| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-3);
-                let count = straight.iter().zip(&turned).filter(differ).count();
-                assert!(
-                    count as f32 <= 1e-3 * straight.len() as f32,
-                    "{method:?}, rolled by {k}: {count} pixels differ"
-                );
-            }
+            let turned = picture(77);
+            let differ = |(a, b): &(&[f32; 4], &[f32; 4])| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-3);
+            let count = straight.iter().zip(&turned).filter(differ).count();
+            // measured 0
+            assert!(count as f32 <= 1e-3 * straight.len() as f32, "{method:?}: {count} pixels differ");
         }
     });
 }
