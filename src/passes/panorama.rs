@@ -1,6 +1,9 @@
 //! The panorama on the device: radiance with mip levels, depth, and what is derived from them once per video frame.
 
-use super::resources::{Resource, Resources};
+use super::{
+    resources::{Resource, Resources},
+    view::ViewData,
+};
 use crate::{
     Error, Result,
     gpu::{Buffer, Format, Gpu, Image},
@@ -95,6 +98,24 @@ impl Panorama {
     /// Depth as captured, before normals moves it off its steps.
     pub fn raw_depth(&self) -> &Buffer {
         &self.raw_depth
+    }
+
+    /// Bytes of the pyramid.
+    pub fn pyramid_bytes(&self) -> u64 {
+        u64::from(self.shape.nodes) * 24
+    }
+
+    /// What shaders must know of its shape.
+    pub fn describe(&self, data: &mut ViewData) {
+        data.color_size = self.color_size;
+        data.color_levels = self.radiance.levels();
+        data.depth_size = self.depth_size;
+        data.yaw = self.yaw_degrees.to_radians();
+        data.pyramid_levels = self.shape.levels.len() as u32;
+        for (level, (size, offset)) in self.shape.levels.iter().zip(&self.shape.offsets).enumerate() {
+            data.level_width[level] = size[0];
+            data.level_offset[level] = *offset;
+        }
     }
 
     /// Uploads a frame; the per-video-frame passes must run after it.

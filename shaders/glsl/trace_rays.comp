@@ -1,0 +1,24 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Any rays against the panorama's surface: what `iprt bench --rays` times and the tracer's test compares with its oracle.
+// In: rays (m), depth, angles, pyramid. Out: answers.
+#define TRACE_PANORAMA
+#include "common.glsl"
+#include "panorama.glsl"
+layout(local_size_x = 64) in;
+
+struct TracedRay { vec3 origin; float t_min; vec3 direction; float t_max; };
+struct RayAnswer { float t; uint kind; vec2 uv; vec3 normal; uint unknown; };
+
+layout(set = 0, binding = 1, scalar) readonly buffer Rays { TracedRay ray[]; } in_rays;
+layout(set = 0, binding = 6, scalar) writeonly buffer Answers { RayAnswer answer[]; } out_answers;
+
+layout(push_constant, scalar) uniform Push { uint count; } push;
+
+void main() {
+    uint k = gl_GlobalInvocationID.x;
+    if (k >= push.count) return;
+    TracedRay ray = in_rays.ray[k];
+    PanoramaHit hit = panorama_trace(ray.origin, ray.direction, ray.t_min, ray.t_max);
+    out_answers.answer[k] = RayAnswer(hit.t, hit.kind, hit.uv, hit.normal, 0u);
+}
