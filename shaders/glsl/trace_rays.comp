@@ -6,6 +6,7 @@
 #include "common.glsl"
 #include "panorama.glsl"
 layout(local_size_x = 64) in;
+layout(constant_id = 0) const uint FAR_SIDES = 0; // 1: the pyramid has them, and answers say what is unknown
 
 struct TracedRay { vec3 origin; float t_min; vec3 direction; float t_max; };
 struct RayAnswer { float t; uint kind; vec2 uv; vec3 normal; uint unknown; };
@@ -20,5 +21,6 @@ void main() {
     if (k >= push.count) return;
     TracedRay ray = in_rays.ray[k];
     PanoramaHit hit = panorama_trace(ray.origin, ray.direction, ray.t_min, ray.t_max);
-    out_answers.answer[k] = RayAnswer(hit.t, hit.kind, hit.uv, hit.normal, 0u);
+    bool unknown = FAR_SIDES != 0u && panorama_unknown(ray.origin, ray.direction, ray.t_min, hit.t);
+    out_answers.answer[k] = RayAnswer(hit.t, hit.kind, hit.uv, hit.normal, uint(unknown));
 }

@@ -96,7 +96,7 @@ pub fn run(
     for &size in sizes {
         let depth = resample(&frame, size)?;
         let surface = Surface { size, depth: &depth.depth, yaw_degrees, edge_ratio: f64::from(settings.edge_ratio) };
-        let tracer = RayTracer::new(gpu, &depth, yaw_degrees, settings)?;
+        let tracer = RayTracer::new(gpu, &depth, yaw_degrees, settings, false)?;
         let sets = [surface.coherent(), surface.cosine(), surface.silhouettes()];
         let sets = SETS.into_iter().zip(sets).filter(|(_, rays)| !rays.is_empty());
         let sets = sets.map(|(name, rays)| Ok((name, tracer.rays(&rays)?, Vec::new()))).collect::<Result<Vec<_>>>()?;
@@ -175,8 +175,8 @@ impl Report {
     }
 }
 
-/// The frame's depth at another size, with no radiance. Between texels that belong together inverse depth is interpolated, which
-/// is exact on planes; at an edge the nearest texel is taken, so that none is smeared.
+/// The frame's depth at another size, with no radiance. Between texels that belong together inverse depth is interpolated, since
+/// it is linear in direction on planes; at an edge the nearest texel is taken, so that none is smeared.
 fn resample(frame: &PanoramaFrame, size: [u32; 2]) -> Result<PanoramaFrame> {
     let [width, height] = frame.depth_size;
     if size.contains(&0) || size.iter().any(|n| *n > 1 << 15) {
@@ -350,14 +350,14 @@ mod tests {
         let coarse = resample(&room([128, 64]), [512, 256]).unwrap();
         let mut errors: Vec<f64> =
             coarse.depth.iter().zip(&room([512, 256]).depth).map(|(a, b)| f64::from((a - b).abs() / b)).collect();
-        assert!(quantile(&mut errors, 0.9) < 1e-5, "exact on planes, less so in corners");
-        assert!(quantile(&mut errors, 1.0) < 0.05);
+        assert!(quantile(&mut errors, 0.9) < 1e-3, "on planes to the square of a texel");
+        assert!(quantile(&mut errors, 1.0) < 0.05, "in corners too");
     }
 
     #[test]
     fn rays_start_inside_and_look_inside() {
-        let frame = room([64, 32]);
-        let surface = Surface { size: [64, 32], depth: &frame.depth, yaw_degrees: 0.0, edge_ratio: 0.1 };
+        let frame = room([256, 128]);
+        let surface = Surface { size: [256, 128], depth: &frame.depth, yaw_degrees: 0.0, edge_ratio: 0.1 };
         for rays in [surface.coherent(), surface.cosine()] {
             assert!(rays.len() > 100_000);
             for r in rays {

@@ -25,7 +25,8 @@ gpu_struct! {
 
 gpu_struct! {
     /// What a ray met: [`FREE`], [`SURFACE`] or [`SKIRT`] at `t` metres (1e30 where it left), where its radiance is read, the
-    /// triangle's normal (of any length), and whether it passed through a skirt's far side.
+    /// triangle's normal (of any length), and whether it passed
+    /// through a skirt's far side (0 where nobody asked).
     pub struct RayAnswer { pub t: f32, pub kind: u32, pub uv: Vec2, pub normal: Vec3, pub unknown: u32 }
 }
 
@@ -68,7 +69,14 @@ impl RaySet {
 
 impl RayTracer {
     /// Uploads a panorama and prepares it as the renderer does. Of the settings, those of the real surface count.
-    pub fn new(gpu: &Gpu, frame: &PanoramaFrame, yaw_degrees: f32, settings: &Settings) -> Result<Self> {
+    /// With `far_sides`, answers say whether a ray is unknown.
+    pub fn new(
+        gpu: &Gpu,
+        frame: &PanoramaFrame,
+        yaw_degrees: f32,
+        settings: &Settings,
+        far_sides: bool,
+    ) -> Result<Self> {
         use Access::{Read, Write};
         const STRUCTS: &[StructLayout] =
             &[struct_layout::<TracedRay>("TracedRay"), struct_layout::<RayAnswer>("RayAnswer")];
@@ -80,8 +88,18 @@ impl RayTracer {
             ("in_rays", Read),
             ("out_answers", Write),
         ];
-        let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, BINDINGS, STRUCTS, &[])?;
-        let panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, 1)?;
+        let kernel = Kernel::new::<Push>(
+            gpu,
+            "trace_rays",
+            shaders::TRACE_RAYS,
+            BINDINGS,
+            STRUCTS,
+            &[(0, u32::from(far_sides))],
+        )?;
+        let mut panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, 1)?;
+        if far_sides {
+            panorama = panorama.with_far_sides(gpu)?;
+        }
         panorama.upload(gpu, frame)?;
         let mut data =
             ViewData { edge_ratio: settings.edge_ratio, thickness: settings.thickness, ..ViewData::default() };
