@@ -105,3 +105,6 @@ float surface_distance(vec3 d, out ivec2 texel) {
 #ifdef TRACE_PANORAMA
 #include "trace.glsl"
 #endif
+#ifdef MARCH_PANORAMA
+#include "march.glsl"
+#endif

@@ -67,42 +67,43 @@ void cross_leaf(uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, b
 }
 
 // The four bytes of a word.
-vec4 bytes(uint word) { return vec4(uvec4(word, word >> 8u, word >> 16u, word >> 24u) & 0xffu); }
+vec4 bytes(uint word) { return vec4(ivec4(uvec4(word, word >> 8u, word >> 16u, word >> 24u) & 0xffu)); }
 
 // The nearest crossing in (t_min, t_max) of what can be hit, or any crossing of a skirt's far side.
-// No stack of nodes: where a ray is in the pyramid says what its ancestors are. For each level the children still to visit are
-// kept in order, nearest first, with the distance of the first of them.
+// No stack of nodes: where a ray is in the pyramid says what its ancestors are. A byte for each level says how many of a node's children
+// are still to be visited and, nearest first, which. Their distances are not kept: the crossings found meanwhile rule them out
+// when their own children's boxes are met, which was measured to cost less.
 Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
     Crossing crossing = Crossing(t_max, NO_TRIANGLE);
     bvec3 forward = greaterThanEqual(d, vec3(0.0));
     vec3 inverse = vec3(abs(d.x) > 1e-20 ? 1.0 / d.x : 1e20, abs(d.y) > 1e-20 ? 1.0 / d.y : 1e20, abs(d.z) > 1e-20 ? 1.0 / d.z : 1e20);
     vec3 shift = -origin * inverse;
-    mat3 frame = basis(d);
-    mat3 across = mat3(frame[0], frame[1], d);
+    mat3 across = basis(d);
     uint root = far_sides ? in_view.view.pyramid_nodes : 0u;
-    uint trail[16]; // for each level: distance without its last bits | how many children are left | which
+    uvec4 trail = uvec4(0u);
     uint pending = 0u; // a bit for each level that has children left
-    int level = int(in_view.view.pyramid_levels) - 1;
+    int level = int(in_view.view.pyramid_levels) - 1; // a leaf is at -1
     uint x = 0u, y = 0u;
     bool back = false, done = false;
     const uint MISS = 0xffffffffu;
     // boxes in one loop, triangles in the other: a group of rays that walks together does either, not both (Aila and Laine 2009)
     while (true) {
         while (true) {
-            while (back) {
+            if (back) {
                 if (pending == 0u) { done = true; break; }
                 int up = findLSB(pending);
-                uint left = trail[up];
-                if (uintBitsToFloat((left & 0xffffff00u) >> 1u) >= crossing.t) { pending &= pending - 1u; continue; }
-                uint child = left & 3u, count = (left >> 6u) & 3u;
+                uint bits = (uint(up) & 3u) * 8u;
+                uvec4 mask = mix(uvec4(0u), uvec4(0xffu << bits), equal(uvec4(uint(up) >> 2u), uvec4(0u, 1u, 2u, 3u)));
+                uvec4 own = trail & mask;
+                uint left = (own.x | own.y | own.z | own.w) >> bits, child = left & 3u, count = left >> 6u;
                 x = (x >> uint(up - level)) * 2u + (child & 1u);
                 y = (y >> uint(up - level)) * 2u + (child >> 1u);
                 level = up - 1;
                 if (count == 1u) pending &= pending - 1u;
-                trail[up] = (left & 0xffffff00u) | ((count - 1u) << 6u) | ((left & 0x3cu) >> 2u);
+                trail = (trail & ~mask) | (mask & ((((count - 1u) << 6u) | ((left >> 2u) & 0xfu)) << bits));
                 back = false;
             }
-            if (done || level < 0) break;
+            if (level < 0) break;
             uint texel = (root + pyramid_node(uint(level), x, y)) * 3u;
             uvec4 a = imageLoad(in_pyramid, pyramid_texel(texel)), b = imageLoad(in_pyramid, pyramid_texel(texel + 1u)), c = imageLoad(in_pyramid, pyramid_texel(texel + 2u));
             vec3 scale = uintBitsToFloat((uvec3(a.w, a.w >> 8u, a.w >> 16u) & 0xffu) << 23u) * inverse;
@@ -111,20 +112,24 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
             uvec3 near = mix(greatest, least, forward), far = mix(least, greatest, forward);
             vec4 enter = max(max(bytes(near.x) * scale.x + base.x, bytes(near.y) * scale.y + base.y), max(bytes(near.z) * scale.z + base.z, vec4(t_min)));
             vec4 leave = min(min(bytes(far.x) * scale.x + base.x, bytes(far.y) * scale.y + base.y), min(bytes(far.z) * scale.z + base.z, vec4(crossing.t)));
+            // distances sort as integers; their last bits say which child
             uvec4 key;
             [[unroll]] for (uint k = 0u; k < 4u; k++) {
+                // an empty child's bounds say nothing
                 bool met = (c.z & (1u << k)) != 0u && enter[k] <= leave[k] * 1.0000004;
                 key[k] = met ? (floatBitsToUint(abs(enter[k])) & ~3u) | k : MISS;
             }
             uint low0 = min(key.x, key.y), high0 = max(key.x, key.y), low1 = min(key.z, key.w), high1 = max(key.z, key.w);
             uint first = min(low0, low1), last = max(high0, high1), between0 = max(low0, low1), between1 = min(high0, high1);
             uint second = min(between0, between1), third = max(between0, between1);
-            back = first == MISS;
             if (second != MISS) {
-                uint count = 1u + uint(third != MISS) + uint(last != MISS);
-                trail[level] = ((second << 1u) & 0xffffff00u) | (count << 6u) | ((last & 3u) << 4u) | ((third & 3u) << 2u) | (second & 3u);
+                uint count = 1u + uint(third != MISS) + uint(last != MISS), bits = (uint(level) & 3u) * 8u;
+                uvec4 mask = mix(uvec4(0u), uvec4(0xffu << bits), equal(uvec4(uint(level) >> 2u), uvec4(0u, 1u, 2u, 3u)));
+                uint left = (count << 6u) | ((last & 3u) << 4u) | ((third & 3u) << 2u) | (second & 3u);
+                trail = (trail & ~mask) | (mask & (left << bits));
                 pending |= 1u << uint(level);
             }
+            back = first == MISS;
             if (!back) {
                 x = x * 2u + (first & 1u);
                 y = y * 2u + ((first >> 1u) & 1u);

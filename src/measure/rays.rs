@@ -8,7 +8,7 @@ use crate::{
         mapping::{panorama_to_world, texel_direction},
         source::PanoramaFrame,
     },
-    passes::trace_rays::{FREE, RaySet, RayTracer, TracedRay},
+    passes::trace_rays::{FREE, RayAnswer, RaySet, RayTracer, TracedRay, Tracer},
     scene::Scene,
     settings::Settings,
 };
@@ -27,11 +27,19 @@ const PICTURE: [u32; 2] = [512, 256];
 /// The kinds of rays.
 pub const SETS: [&str; 3] = ["coherent", "cosine", "silhouettes"];
 
-/// One kind of ray.
+/// Steps of the march that is measured beside the surface's own tracer.
+const MARCH_STEPS: u32 = 32;
+
+/// The tracers, by name.
+const TRACERS: [(&str, Tracer); 2] = [("surface", Tracer::Surface), ("march", Tracer::March(MARCH_STEPS))];
+
+/// One kind of ray and one tracer.
 #[derive(Clone, Debug, Serialize)]
 pub struct SetRate {
     /// Of [`SETS`].
     pub name: &'static str,
+    /// `surface`: exact; `march`: in steps through the depth.
+    pub tracer: &'static str,
     /// Median over the repetitions, million rays a second of GPU time.
     pub mrays_per_second: f64,
     /// The slowest repetition.
@@ -40,6 +48,8 @@ pub struct SetRate {
     pub fastest: f64,
     /// Share of rays that hit something.
     pub hits: f64,
+    /// Share of rays of which this tracer says the same as `surface`: free, or a hit within 2 % of its distance.
+    pub same: f64,
 }
 
 /// One size of the depth map.
@@ -86,8 +96,8 @@ pub fn run(
 ) -> Result<Report> {
     struct Case {
         size: [u32; 2],
-        tracer: RayTracer,
-        sets: Vec<(&'static str, RaySet, Vec<f64>)>,
+        tracers: Vec<(&'static str, RayTracer)>,
+        sets: Vec<(&'static str, RaySet, [Vec<f64>; TRACERS.len()])>,
         normals: Vec<f64>,
         pyramid: Vec<f64>,
     }
@@ -96,24 +106,30 @@ pub fn run(
     for &size in sizes {
         let depth = resample(&frame, size)?;
         let surface = Surface { size, depth: &depth.depth, yaw_degrees, edge_ratio: f64::from(settings.edge_ratio) };
-        let tracer = RayTracer::new(gpu, &depth, yaw_degrees, settings, false)?;
-        let sets = [surface.coherent(), surface.cosine(), surface.silhouettes()];
-        let sets = SETS.into_iter().zip(sets).filter(|(_, rays)| !rays.is_empty());
-        let sets = sets.map(|(name, rays)| Ok((name, tracer.rays(&rays)?, Vec::new()))).collect::<Result<Vec<_>>>()?;
-        for (_, set, _) in &sets {
-            tracer.trace(set)?; // the first is slower: pages are touched, shaders compiled
+        let tracers = TRACERS.map(|(name, kind)| Ok((name, RayTracer::new(gpu, &depth, yaw_degrees, settings, kind)?)));
+        let tracers = tracers.into_iter().collect::<Result<Vec<_>>>()?;
+        let mut sets = Vec::new();
+        for (name, rays) in SETS.into_iter().zip([surface.coherent(), surface.cosine(), surface.silhouettes()]) {
+            if !rays.is_empty() {
+                let set = tracers[0].1.rays(&rays)?;
+                for (_, tracer) in &tracers {
+                    tracer.trace(&set)?; // the first is slower: pages are touched, shaders compiled
+                }
+                sets.push((name, set, std::array::from_fn(|_| Vec::new())));
+            }
         }
-        cases.push(Case { size, tracer, sets, normals: Vec::new(), pyramid: Vec::new() });
+        cases.push(Case { size, tracers, sets, normals: Vec::new(), pyramid: Vec::new() });
     }
     for _ in 0..repetitions {
         for case in &mut cases {
-            let timings = case.tracer.prepare()?;
+            let timings = case.tracers[0].1.prepare()?;
             let total = |pass: &str| timings.entries.iter().filter(|(name, _)| name == pass).map(|(_, ms)| ms).sum();
             case.normals.push(total("normals"));
             case.pyramid.push(total("depth_pyramid"));
             for (_, set, rates) in &mut case.sets {
-                let ms = case.tracer.trace(set)?;
-                rates.push(f64::from(set.count()) / (ms * 1e3));
+                for ((_, tracer), rates) in case.tracers.iter().zip(rates) {
+                    rates.push(f64::from(set.count()) / (tracer.trace(set)? * 1e3));
+                }
             }
             progress();
         }
@@ -128,17 +144,34 @@ pub fn run(
     };
     for mut case in cases {
         let mut sets = Vec::new();
-        for (name, set, mut rates) in case.sets {
-            let answers = case.tracer.answers(&set)?;
-            let hits = answers.iter().filter(|a| a.kind != FREE).count() as f64 / answers.len() as f64;
-            let mrays_per_second = quantile(&mut rates, 0.5);
-            sets.push(SetRate { name, mrays_per_second, slowest: rates[0], fastest: rates[rates.len() - 1], hits });
+        for (name, set, rates) in case.sets {
+            let mut exact = Vec::new();
+            for ((tracer, traced), mut rates) in case.tracers.iter().zip(rates) {
+                traced.trace(&set)?;
+                let answers = traced.answers(&set)?;
+                if exact.is_empty() {
+                    exact = answers.clone();
+                }
+                let share = |count: usize| count as f64 / answers.len() as f64;
+                let same = |(a, b): &(&RayAnswer, &RayAnswer)| {
+                    (a.kind == FREE) == (b.kind == FREE) && (a.kind == FREE || (a.t - b.t).abs() <= 0.02 * b.t)
+                };
+                sets.push(SetRate {
+                    name,
+                    tracer,
+                    mrays_per_second: quantile(&mut rates, 0.5), // sorts
+                    slowest: rates[0],
+                    fastest: rates[rates.len() - 1],
+                    hits: share(answers.iter().filter(|a| a.kind != FREE).count()),
+                    same: share(answers.iter().zip(&exact).filter(same).count()),
+                });
+            }
         }
         report.sizes.push(SizeRates {
             size: case.size,
             normals_ms: quantile(&mut case.normals, 0.5),
             depth_pyramid_ms: quantile(&mut case.pyramid, 0.5),
-            pyramid_bytes: case.tracer.pyramid_bytes(),
+            pyramid_bytes: case.tracers[0].1.pyramid_bytes(),
             sets,
         });
     }
@@ -152,24 +185,36 @@ impl Report {
         let _ = writeln!(out, "{} ({}), {}", self.device, self.driver, self.scene);
         let _ = writeln!(
             out,
-            "million rays a second: median (slowest–fastest) of {} times {} rays; milliseconds a video frame: medians",
+            "million rays a second: median (slowest–fastest) of {} times {} rays; same: least share of answers that are surface's\n\
+             (free, or within 2 % of its distance); milliseconds a video frame: medians",
             self.repetitions, self.rays
         );
-        let _ = write!(out, "{:<12}", "depth map");
+        let _ = write!(out, "{:<12}{:<9}", "depth map", "tracer");
         for name in SETS {
             let _ = write!(out, "{name:>22}");
         }
-        let _ = writeln!(out, "{:>10}{:>15}{:>10}", "normals", "depth_pyramid", "MiB");
+        let _ = writeln!(out, "{:>8}{:>10}{:>15}{:>8}", "same", "normals", "depth_pyramid", "MiB");
         for row in &self.sizes {
-            let _ = write!(out, "{:<12}", format!("{}×{}", row.size[0], row.size[1]));
-            for name in SETS {
-                let cell = row.sets.iter().find(|set| set.name == name).map_or("none".to_owned(), |set| {
-                    format!("{:.3} ({:.3}–{:.3})", set.mrays_per_second, set.slowest, set.fastest)
-                });
-                let _ = write!(out, "{cell:>22}");
+            for (tracer, _) in TRACERS {
+                let _ = write!(out, "{:<12}{tracer:<9}", format!("{}×{}", row.size[0], row.size[1]));
+                let mut same: f64 = 1.0;
+                for name in SETS {
+                    let set = row.sets.iter().find(|set| set.name == name && set.tracer == tracer);
+                    same = set.map_or(same, |set| same.min(set.same));
+                    let cell = set.map_or("none".to_owned(), |set| {
+                        format!("{:.3} ({:.3}–{:.3})", set.mrays_per_second, set.slowest, set.fastest)
+                    });
+                    let _ = write!(out, "{cell:>22}");
+                }
+                let _ = write!(out, "{:>6.1} %", 100.0 * same);
+                let mebibytes = row.pyramid_bytes as f64 / f64::from(1 << 20);
+                let _ = match tracer {
+                    "surface" => {
+                        writeln!(out, "{:>10.1}{:>15.1}{mebibytes:>8.1}", row.normals_ms, row.depth_pyramid_ms)
+                    }
+                    _ => writeln!(out),
+                };
             }
-            let mebibytes = row.pyramid_bytes as f64 / f64::from(1 << 20);
-            let _ = writeln!(out, "{:>10.1}{:>15.1}{mebibytes:>10.1}", row.normals_ms, row.depth_pyramid_ms);
         }
         out
     }

@@ -41,6 +41,17 @@ pub const SURFACE: u32 = 1;
 /// It met a skirt within the thickness.
 pub const SKIRT: u32 = 2;
 
+/// How rays are traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tracer {
+    /// Through the surface, exactly (`panorama_trace`).
+    Surface,
+    /// The same, and whether they are unknown (`panorama_unknown`).
+    FarSides,
+    /// Marched through the depth in so many steps (`panorama_march`).
+    March(u32),
+}
+
 /// A panorama ready for rays.
 pub struct RayTracer {
     gpu: Gpu,
@@ -69,13 +80,12 @@ impl RaySet {
 
 impl RayTracer {
     /// Uploads a panorama and prepares it as the renderer does. Of the settings, those of the real surface count.
-    /// With `far_sides`, answers say whether a ray is unknown.
     pub fn new(
         gpu: &Gpu,
         frame: &PanoramaFrame,
         yaw_degrees: f32,
         settings: &Settings,
-        far_sides: bool,
+        tracer: Tracer,
     ) -> Result<Self> {
         use Access::{Read, Write};
         const STRUCTS: &[StructLayout] =
@@ -88,16 +98,11 @@ impl RayTracer {
             ("in_rays", Read),
             ("out_answers", Write),
         ];
-        let kernel = Kernel::new::<Push>(
-            gpu,
-            "trace_rays",
-            shaders::TRACE_RAYS,
-            BINDINGS,
-            STRUCTS,
-            &[(0, u32::from(far_sides))],
-        )?;
+        let steps = if let Tracer::March(steps) = tracer { steps } else { 0 };
+        let constants = [(0, u32::from(tracer == Tracer::FarSides)), (1, steps)];
+        let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, BINDINGS, STRUCTS, &constants)?;
         let mut panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, 1)?;
-        if far_sides {
+        if tracer == Tracer::FarSides {
             panorama = panorama.with_far_sides(gpu)?;
         }
         panorama.upload(gpu, frame)?;
@@ -106,7 +111,7 @@ impl RayTracer {
         panorama.describe(&mut data);
         let mut view = Resources::default();
         view.add("view", Resource::Buffer(gpu.buffer_with("rays view", &[data])?));
-        let tracer = Self {
+        let ready = Self {
             gpu: gpu.clone(),
             kernel,
             panorama,
@@ -116,8 +121,8 @@ impl RayTracer {
             quantisation: frame.quantisation,
             normal_radius: settings.normal_radius,
         };
-        tracer.prepare()?;
-        Ok(tracer)
+        ready.prepare()?;
+        Ok(ready)
     }
 
     /// Derives what rays need from the depth, as every new video frame does.
