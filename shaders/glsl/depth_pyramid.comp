@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Per video frame, depth_pyramid: one level of the boxes that rays walk (see pyramid.glsl), around the triangles of the surface.
-// Triangles with a hole are left out. Skirts are bounded as far as they can be hit; their far sides by nodes of their own, where
+// Triangles with a hole are left out. Skirts are bounded as far as they can be hit; what lies beyond, their far sides, by nodes of its own, where
 // asked for.
 // In: depth, angles. In/out: pyramid.
 #include "common.glsl"
@@ -34,23 +34,12 @@ void include_edge(inout Box box, vec3 a, vec3 b, float reach) {
     }
 }
 
-void include_triangle(inout Box box, vec4 a, vec4 b, vec4 c) {
-    float near = min(a.w, min(b.w, c.w)), far = max(a.w, max(b.w, c.w));
-    if (near <= 0.0) return;
-    // A skirt can be hit only within `thickness` behind its nearest depth: beyond, it would be a spike across the room.
-    bool skirt = far > near * (1.0 + in_view.view.edge_ratio);
-    float reach = near + in_view.view.thickness;
-    if (!skirt || far <= reach) {
-        if (push.far_sides != 0u) return;
-        include(box, a.xyz);
-        include(box, b.xyz);
-        include(box, c.xyz);
-        return;
-    }
+// The part of a skirt that can be hit, or the part beyond.
+void include_skirt(inout Box box, vec3 a, vec3 b, vec3 c, float reach) {
     Box part = Box(vec3(FAR), vec3(-FAR));
-    include_edge(part, a.xyz, b.xyz, reach);
-    include_edge(part, b.xyz, c.xyz, reach);
-    include_edge(part, c.xyz, a.xyz, reach);
+    include_edge(part, a, b, reach);
+    include_edge(part, b, c, reach);
+    include_edge(part, c, a, reach);
     if (part.lo.x > part.hi.x) return;
     // between two edges the sphere of radius `reach` bulges past the chord, by at most this; the far part it only cuts into
     vec2 texel = PI * vec2(2.0, 1.0) / vec2(in_view.view.depth_size);
@@ -59,6 +48,7 @@ void include_triangle(inout Box box, vec4 a, vec4 b, vec4 c) {
     box.hi = max(box.hi, part.hi + pad);
 }
 
+// A vertex in rows of in_depth; w its depth, 0 in a hole and beyond the image.
 vec4 vertex(ivec2 p) {
     ivec2 size = ivec2(in_view.view.depth_size);
     if (p.x > size.x || p.y > size.y + 1) return vec4(0.0);
@@ -66,16 +56,37 @@ vec4 vertex(ivec2 p) {
     return vec4(vertex_direction(p.x, p.y - 1) * depth, depth);
 }
 
+// Smallest and largest depth of a triangle, and how far from the centre it can be hit: a skirt only within `thickness` behind its nearest
+// depth, or it would be a spike across the room.
+vec3 triangle_range(float a, float b, float c) {
+    float near = min(a, min(b, c)), far = max(a, max(b, c));
+    return vec3(near, far, far > near * (1.0 + in_view.view.edge_ratio) ? near + in_view.view.thickness : FAR);
+}
+
 Box leaf_box(ivec2 leaf) {
     Box box = Box(vec3(FAR), vec3(-FAR));
-    vec4 above[3] = vec4[3](vertex(leaf * 2), vertex(leaf * 2 + ivec2(1, 0)), vertex(leaf * 2 + ivec2(2, 0)));
-    for (int j = 1; j <= 2; j++) {
-        vec4 below[3] = vec4[3](vertex(leaf * 2 + ivec2(0, j)), vertex(leaf * 2 + ivec2(1, j)), vertex(leaf * 2 + ivec2(2, j)));
-        [[unroll]] for (int i = 0; i < 2; i++) {
-            include_triangle(box, above[i], below[i], below[i + 1]);
-            include_triangle(box, above[i], below[i + 1], above[i + 1]);
+    vec4 v[9];
+    [[unroll]] for (int k = 0; k < 9; k++) v[k] = vertex(leaf * 2 + ivec2(k % 3, k / 3));
+    uint skirts = 0u;
+    [[unroll]] for (int k = 0; k < 8; k++) {
+        int corner = (k >> 2) * 3 + ((k >> 1) & 1);
+        vec4 a = v[corner], b = v[(k & 1) == 0 ? corner + 3 : corner + 4], c = v[(k & 1) == 0 ? corner + 4 : corner + 1];
+        vec3 range = triangle_range(a.w, b.w, c.w);
+        if (range.x <= 0.0) continue;
+        if (range.y > range.z) skirts |= 1u << k;
+        else if (push.far_sides == 0u) {
+            include(box, a.xyz);
+            include(box, b.xyz);
+            include(box, c.xyz);
         }
-        above = below;
+    }
+    // few leaves have any: a loop that most leave at once
+    while (skirts != 0u) {
+        int k = findLSB(skirts);
+        skirts &= skirts - 1u;
+        ivec2 corner = leaf * 2 + ivec2((k >> 1) & 1, k >> 2);
+        vec4 a = vertex(corner), b = vertex(corner + ivec2(k & 1, 1)), c = vertex(corner + ivec2(1, 1 - (k & 1)));
+        include_skirt(box, a.xyz, b.xyz, c.xyz, triangle_range(a.w, b.w, c.w).z);
     }
     // rays round
     vec3 largest = max(abs(box.lo), abs(box.hi));
