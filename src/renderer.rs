@@ -315,18 +315,12 @@ impl Renderer {
         state: &FrameState,
     ) -> Result<()> {
         let settings = &self.options.settings;
-        let shape = &self.panorama.shape;
         let mut data = ViewData {
             size: view.size,
             frame: self.frame,
             seed: self.options.seed.wrapping_add(stream.wrapping_mul(0x9e37_79b9)),
-            color_size: self.panorama.color_size,
-            color_levels: self.panorama.radiance().levels(),
-            depth_size: self.panorama.depth_size,
-            yaw: self.panorama.yaw_degrees.to_radians(),
             edge_ratio: settings.edge_ratio,
             thickness: settings.thickness,
-            pyramid_levels: shape.levels.len() as u32,
             instance_count: self.scene.instance_count,
             primary_objects: u32::from(stream == 0),
             bounces: settings.bounces,
@@ -337,10 +331,7 @@ impl Renderer {
             relight_size: self.relight.first().map_or([1, 1], |map| map.size),
             ..ViewData::default()
         };
-        for (level, (size, offset)) in shape.levels.iter().zip(&shape.offsets).enumerate() {
-            data.level_width[level] = size[0];
-            data.level_offset[level] = *offset;
-        }
+        self.panorama.describe(&mut data);
         viewpoint.write(&view.previous.unwrap_or(viewpoint), &mut data);
         self.gpu.write_buffer(&view.data, 0, &[data])
     }

@@ -36,8 +36,9 @@ struct View {
     float edge_ratio;
     float thickness;
     uint pyramid_levels;
-    uint level_offset[16];
-    uint level_width[16];
+    uvec2 pyramid_size;
+    uint pyramid_area;
+    uint pyramid_nodes;
     uint instance_count;
     uint primary_objects;
     uint bounces;

@@ -35,7 +35,7 @@ layout(set = 0, binding = 46, rgba32f) uniform writeonly image2DArray out_irradi
 
 // What a ray meets of the real scene; direction-only light is infinitely far.
 PanoramaHit real_trace(vec3 origin, vec3 d) {
-    if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, false, vec3(0.0));
+    if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
     return panorama_trace(origin, d, 0.0, FAR);
 }
 
@@ -91,7 +91,7 @@ Ray draw(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, in
             possible = dot(ray.d, s.geometric) > 0.0;
         } else ray.d = sample_cosine(normal, u);
     }
-    ray.real = PanoramaHit(FAR, vec2(0.0), FREE, false, vec3(0.0));
+    ray.real = PanoramaHit(FAR, vec2(0.0), FREE, vec3(0.0));
     if (!possible) return ray;
     ray.real = real_trace(x, ray.d);
     if (mirror) { ray.weight = mirror_weight; return ray; }

@@ -9,17 +9,17 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 5, rgba16f) uniform writeonly image2D out_panorama_normal;
 layout(set = 0, binding = 62, rgba32f) uniform readonly image2D in_plane;
-layout(set = 0, binding = 63, scalar) buffer Smooth { float depth[]; } out_depth;
+layout(set = 0, binding = 63, r32f) uniform writeonly image2D out_depth;
 
 layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy), size = ivec2(in_view.view.depth_size);
     if (any(greaterThanEqual(p, size))) return;
-    int index = p.y * size.x + p.x;
     // the poles pass through
-    if (index < 2) out_depth.depth[size.x * size.y + index] = in_depth.depth[size.x * size.y + index];
-    float depth = in_depth.depth[index];
+    if (p.y == 0) imageStore(out_depth, p, vec4(vertex_depth(p.x, -1)));
+    if (p.y == size.y - 1) imageStore(out_depth, p + ivec2(0, 2), vec4(vertex_depth(p.x, size.y)));
+    float depth = vertex_depth(p.x, p.y);
     vec3 direction = vertex_direction(p.x, p.y);
     vec3 best = direction;
     float best_cost = FAR;
@@ -46,5 +46,5 @@ void main() {
     }
     vec3 normal = dot(best, best) > 0.0 ? -normalize(best) : -direction;
     imageStore(out_panorama_normal, p, vec4(to_half(normal), 0.0));
-    out_depth.depth[index] = depth;
+    imageStore(out_depth, p + ivec2(0, 1), vec4(depth));
 }

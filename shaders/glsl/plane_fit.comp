@@ -34,7 +34,7 @@ void main() {
         for (int y = -push.radius; y <= push.radius; y += push.stride) {
             for (int x = -push.radius; x <= push.radius; x += push.stride) {
                 ivec2 t = wrap_texel(p + ivec2(x, y), size);
-                float d = in_depth.depth[t.y * size.x + t.x];
+                float d = vertex_depth(t.x, t.y);
                 if (d <= 0.0) continue;
                 float qi = 1.0 / d;
                 vec3 w = vertex_direction(t.x, t.y) * frame;

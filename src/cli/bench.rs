@@ -1,7 +1,12 @@
 //! `iprt bench`: GPU time of every pass.
 
-use super::common::{PictureArgs, parse_frames, progress};
-use crate::{Error, Result, image_file::write::write_bytes, measure::bench, renderer::Renderer};
+use super::common::{PictureArgs, parse_frames, parse_size, progress};
+use crate::{
+    Error, Result,
+    image_file::write::write_bytes,
+    measure::{bench, rays},
+    renderer::Renderer,
+};
 use std::path::PathBuf;
 
 /// Arguments of `iprt bench`.
@@ -15,6 +20,21 @@ pub struct Args {
     /// Frames run before A, A held still
     #[arg(long, default_value_t = 5)]
     pub warmup: u32,
+    /// Measure the panorama's tracer instead: million rays a second, by kind of ray and size of the depth map
+    #[arg(long, conflicts_with_all = ["frames", "warmup", "csv", "trace"])]
+    pub rays: bool,
+    /// Sizes that the depth map is resampled to for --rays
+    #[arg(
+        long,
+        value_name = "WxH,…",
+        value_delimiter = ',',
+        requires = "rays",
+        default_value = "512x256,1024x512,4096x2048"
+    )]
+    pub depth_sizes: Vec<String>,
+    /// How often each kind of ray is traced at each size for --rays
+    #[arg(long, value_name = "N", requires = "rays", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repetitions: u32,
     /// Write the numbers as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -28,6 +48,9 @@ pub struct Args {
 
 /// Measures, prints the table, writes the files.
 pub fn run(args: &Args) -> Result<()> {
+    if args.rays {
+        return run_rays(args);
+    }
     let [first, last] = parse_frames(&args.frames)?;
     for path in [&args.json, &args.csv, &args.trace].into_iter().flatten() {
         super::render::require_folder(path)?;
@@ -41,16 +64,35 @@ pub fn run(args: &Args) -> Result<()> {
     let report = bench::run(&mut renderer, &scene, first, count, args.warmup, || bar.inc(1))?;
     bar.finish_and_clear();
     super::print(report.table().trim_end())?;
-    let json = |value: serde_json::Result<Vec<u8>>| value.map_err(|e| Error::Internal(e.to_string()));
-    if let Some(path) = &args.json {
-        write_bytes(path, &json(serde_json::to_vec_pretty(&report))?)?;
-    }
+    write_json(args, &report)?;
     if let Some(path) = &args.csv {
         write_bytes(path, report.csv().as_bytes())?;
     }
     if let Some(path) = &args.trace {
-        write_bytes(path, &json(serde_json::to_vec(&report.trace()))?)?;
+        write_bytes(path, report.trace().to_string().as_bytes())?;
     }
     drop(renderer);
     args.picture.device.close(gpu)
+}
+
+fn run_rays(args: &Args) -> Result<()> {
+    if let Some(path) = &args.json {
+        super::render::require_folder(path)?;
+    }
+    let sizes = args.depth_sizes.iter().map(|text| parse_size(text)).collect::<Result<Vec<_>>>()?;
+    let gpu = args.picture.device.open()?;
+    let scene = args.picture.scene(&gpu)?;
+    let settings = args.picture.options(&scene, false)?.settings;
+    let bar = progress(args.picture.quiet, sizes.len() as u64 * u64::from(args.repetitions), "measuring");
+    let report = rays::run(&gpu, &scene, &settings, &sizes, args.repetitions, || bar.inc(1))?;
+    bar.finish_and_clear();
+    super::print(report.table().trim_end())?;
+    write_json(args, &report)?;
+    args.picture.device.close(gpu)
+}
+
+fn write_json(args: &Args, report: &impl serde::Serialize) -> Result<()> {
+    let Some(path) = &args.json else { return Ok(()) };
+    let bytes = serde_json::to_vec_pretty(report).map_err(|e| Error::Internal(e.to_string()))?;
+    write_bytes(path, &bytes)
 }

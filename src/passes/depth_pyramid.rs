@@ -1,4 +1,4 @@
-//! `depth_pyramid`, per video frame: the min–max boxes that rays through the panorama walk.
+//! `depth_pyramid`, per video frame: the boxes that rays through the panorama walk.
 
 use super::{
     panorama::Panorama,
@@ -12,7 +12,7 @@ use crate::{
 
 gpu_struct! {
     /// Push constants of `depth_pyramid.comp`.
-    pub struct DepthPyramidPush { pub level: u32, pub width: u32, pub height: u32 }
+    pub struct DepthPyramidPush { pub level: u32, pub width: u32, pub height: u32, pub far_sides: u32 }
 }
 
 /// See the module.
@@ -36,9 +36,14 @@ impl DepthPyramid {
             if level > 0 {
                 frame.barrier("depth_pyramid reads the level below");
             }
-            let threads = Threads::Size([width.next_multiple_of(2), height.next_multiple_of(2), 1]);
-            let push = DepthPyramidPush { level: level as u32, width, height };
-            self.0.dispatch(frame, &[], &[&panorama.resources, view], &push, threads)?;
+            for far_sides in 0..=u32::from(panorama.far_sides) {
+                if far_sides > 0 {
+                    frame.barrier("far sides are in the same image");
+                }
+                let push = DepthPyramidPush { level: level as u32, width, height, far_sides };
+                let pools = [&panorama.resources, view];
+                self.0.dispatch(frame, &[], &pools, &push, Threads::Size([width, height, 1]))?;
+            }
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 //!
 //! Per new video frame: [`radiance_pyramid`], [`normals`], [`depth_pyramid`], [`light_table`]. Per frame: [`gbuffer`], [`sampling_mask`],
 //! [`irradiance`], [`interpolate`], [`temporal`], [`atrous`], [`composite`]. Each runs on a [`view::View`]: the picture, or the relit
-//! panorama's map, which is a picture too.
+//! panorama's map, which is a picture too. Outside of frames: [`trace_rays`].
 
 pub mod atrous;
 pub mod brdf;
@@ -19,4 +19,5 @@ pub mod resources;
 pub mod sampling_mask;
 pub mod scene;
 pub mod temporal;
+pub mod trace_rays;
 pub mod view;

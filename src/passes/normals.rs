@@ -33,7 +33,7 @@ pub struct Normals {
 impl Normals {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        use Access::{Read, ReadWrite, Write};
+        use Access::{Read, Write};
         const FIT: &[(&str, Access)] =
             &[("in_view", Read), ("in_depth", Read), ("in_angles", Read), ("out_plane", Write)];
         const SELECT: &[(&str, Access)] = &[
@@ -42,7 +42,7 @@ impl Normals {
             ("in_angles", Read),
             ("in_plane", Read),
             ("out_panorama_normal", Write),
-            ("out_depth", ReadWrite),
+            ("out_depth", Write),
         ];
         Ok(Self {
             plane_fit: Kernel::new::<NormalsPush>(gpu, "normals", shaders::PLANE_FIT, FIT, &[], &[])?,

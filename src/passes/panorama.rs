@@ -1,39 +1,52 @@
 //! The panorama on the device: radiance with mip levels, depth, and what is derived from them once per video frame.
 
-use super::resources::{Resource, Resources};
+use super::{
+    resources::{Resource, Resources},
+    view::ViewData,
+};
 use crate::{
     Error, Result,
-    gpu::{Buffer, Format, Gpu, Image},
+    gpu::{Format, Gpu, Image},
     panorama::source::PanoramaFrame,
 };
 
-/// Sizes of the min–max pyramid: level 0 has one node per 2×2 quads, the last a single one.
+/// Sizes of the pyramid of boxes, see `pyramid.glsl`: a leaf is 2×2 quads, a node of level 0 has 2×2 leaves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PyramidShape {
-    /// Width and height of each level, nodes.
+    /// Width and height of each level, nodes. The last has a single one.
     pub levels: Vec<[u32; 2]>,
-    /// Index of each level's first node. Levels are padded to even sizes, so that four siblings always exist.
-    pub offsets: Vec<u32>,
-    /// Nodes of all levels, padding included.
+    /// Room for nodes that all levels' share: a third more than the finest has.
+    pub area: u32,
+    /// Nodes of all levels, gaps included.
     pub nodes: u32,
 }
 
 impl PyramidShape {
     /// For a depth image of this size: W columns of quads, H + 1 rows with the fans to the poles.
     pub fn new(depth_size: [u32; 2]) -> Self {
-        let mut size = [depth_size[0].div_ceil(2), (depth_size[1] + 1).div_ceil(2)];
-        let mut shape = Self { levels: Vec::new(), offsets: Vec::new(), nodes: 0 };
-        loop {
-            shape.levels.push(size);
-            shape.offsets.push(shape.nodes);
-            shape.nodes += size[0].next_multiple_of(2) * size[1].next_multiple_of(2);
-            if size == [1, 1] {
-                return shape;
-            }
-            size = size.map(|n| n.div_ceil(2));
+        let mut levels = vec![[depth_size[0].div_ceil(4), (depth_size[1] + 1).div_ceil(4)]];
+        while levels[levels.len() - 1] != [1, 1] {
+            levels.push(levels[levels.len() - 1].map(|n| n.div_ceil(2)));
         }
+        let area = (levels[0][0] * levels[0][1]).div_ceil(3) * 4 + 4;
+        let mut shape = Self { levels, area, nodes: 0 };
+        let top = shape.levels.len() as u32 - 1;
+        shape.nodes = shape.node(top, 0, 0) + 1;
+        shape
+    }
+
+    /// The number of a node, as shaders reckon it: where each level begins follows from its number alone, so that rays need no table.
+    /// The share of a level is ¾·area·4^−level, which its w·h nodes would fill if they halved exactly, and room for w and h
+    /// being rounded up.
+    pub fn node(&self, level: u32, x: u32, y: u32) -> u32 {
+        let [width, height] = self.levels[0];
+        self.area - (self.area >> (2 * level)) + level * (width + height + 4) + y * self.levels[level as usize][0] + x
     }
 }
+
+/// Texels of a node, and of a row of the image that holds the pyramid, as in `pyramid.glsl`.
+const NODE_TEXELS: u32 = 3;
+const PYRAMID_ROW: u32 = 4096;
 
 /// Device resources of a panorama of fixed sizes.
 pub struct Panorama {
@@ -45,10 +58,12 @@ pub struct Panorama {
     pub yaw_degrees: f32,
     /// The shape of the pyramid.
     pub shape: PyramidShape,
+    /// Whether skirts' far sides have boxes of their own.
+    pub far_sides: bool,
     /// What shaders read.
     pub resources: Resources,
     radiance: Image,
-    raw_depth: Buffer,
+    raw_depth: Image,
 }
 
 /// The widest panorama that the pyramid's node codes can address.
@@ -70,21 +85,33 @@ impl Panorama {
             }
         }
         let shape = PyramidShape::new(depth_size);
-        let texels = u64::from(depth_size[0]) * u64::from(depth_size[1]);
+        let with_poles = [depth_size[0], depth_size[1] + 2];
         let radiance = gpu.image("panorama radiance", color_size, 1, color_levels, Format::Rgba32f)?;
-        let raw_depth = gpu.buffer("panorama raw depth", (texels + 2) * 4)?;
+        let raw_depth = gpu.image("panorama raw depth", with_poles, 1, 1, Format::R32f)?;
+        let angles_size = [with_poles[0].max(with_poles[1]), 2];
+        let angles_image = gpu.image("panorama angles", angles_size, 1, 1, Format::Rg32f)?;
+        gpu.write_image(&angles_image, 0, 0, &angles(depth_size, yaw_degrees, angles_size[0]))?;
         let mut resources = Resources::default();
         resources.add("panorama_radiance", Resource::Image(radiance.clone()));
         resources.add("panorama_levels", Resource::Image(radiance.clone()));
-        resources.add("depth", Resource::Buffer(gpu.buffer("panorama depth", (texels + 2) * 4)?));
-        resources
-            .add("angles", Resource::Buffer(gpu.buffer_with("panorama angles", &angles(depth_size, yaw_degrees))?));
+        resources.add("depth", Resource::Image(gpu.image("panorama depth", with_poles, 1, 1, Format::R32f)?));
+        resources.add("angles", Resource::Image(angles_image));
         resources
             .add("panorama_normal", Resource::Image(gpu.image("panorama normal", depth_size, 1, 1, Format::Rgba16f)?));
         resources.add("plane", Resource::Image(gpu.image("panorama plane", depth_size, 1, 1, Format::Rgba32f)?));
-        resources.add("pyramid", Resource::Buffer(gpu.buffer("depth pyramid", u64::from(shape.nodes) * 24)?));
+        let pyramid = pyramid(gpu, shape.nodes)?;
+        resources.add("pyramid", Resource::Image(pyramid));
         resources.add("lights", Resource::Buffer(gpu.buffer("light table", super::light_table::BYTES)?));
-        Ok(Self { color_size, depth_size, yaw_degrees, shape, resources, radiance, raw_depth })
+        Ok(Self { color_size, depth_size, yaw_degrees, shape, far_sides: false, resources, radiance, raw_depth })
+    }
+
+    /// Adds room for the far sides of skirts, so that `panorama_unknown` can be asked.
+    pub fn with_far_sides(mut self, gpu: &Gpu) -> Result<Self> {
+        let both = Resource::Image(pyramid(gpu, 2 * self.shape.nodes)?);
+        self.resources.0.retain(|(name, _)| *name != "pyramid");
+        self.resources.add("pyramid", both);
+        self.far_sides = true;
+        Ok(self)
     }
 
     /// The radiance image.
@@ -93,36 +120,68 @@ impl Panorama {
     }
 
     /// Depth as captured, before normals moves it off its steps.
-    pub fn raw_depth(&self) -> &Buffer {
+    pub fn raw_depth(&self) -> &Image {
         &self.raw_depth
+    }
+
+    /// Bytes of the pyramid.
+    pub fn pyramid_bytes(&self) -> u64 {
+        self.resources.image("pyramid").map_or(0, |image| {
+            let [width, height] = image.size().map(u64::from);
+            width * height * image.format().bytes()
+        })
+    }
+
+    /// What shaders must know of its shape.
+    pub fn describe(&self, data: &mut ViewData) {
+        data.color_size = self.color_size;
+        data.color_levels = self.radiance.levels();
+        data.depth_size = self.depth_size;
+        data.yaw = self.yaw_degrees.to_radians();
+        data.pyramid_levels = self.shape.levels.len() as u32;
+        data.pyramid_size = self.shape.levels[0];
+        data.pyramid_area = self.shape.area;
+        data.pyramid_nodes = self.shape.nodes;
     }
 
     /// Uploads a frame; the per-video-frame passes must run after it.
     pub fn upload(&self, gpu: &Gpu, frame: &PanoramaFrame) -> Result<()> {
         gpu.write_image(&self.radiance, 0, 0, &frame.radiance)?;
-        gpu.write_buffer(&self.raw_depth, 0, &with_poles(&frame.depth, frame.depth_size))
+        gpu.write_image(&self.raw_depth, 0, 0, &with_poles(&frame.depth, frame.depth_size))
     }
 }
 
-/// (sin φ, cos φ) of each column in the world, then (sin θ, cos θ) of each row.
-fn angles([width, height]: [u32; 2], yaw_degrees: f32) -> Vec<[f32; 2]> {
+/// An image for so many nodes.
+fn pyramid(gpu: &Gpu, nodes: u32) -> Result<Image> {
+    let rows = (nodes * NODE_TEXELS).div_ceil(PYRAMID_ROW);
+    gpu.image("depth pyramid", [PYRAMID_ROW, rows], 1, 1, Format::Rgba32u)
+}
+
+/// (sin φ, cos φ) of each column in the world, then, `stride` further on, (sin θ, cos θ) of each row, the poles first and last.
+fn angles([width, height]: [u32; 2], yaw_degrees: f32, stride: u32) -> Vec<[f32; 2]> {
     use std::f64::consts::{PI, TAU};
     let yaw = f64::from(yaw_degrees).to_radians();
     let pair = |angle: f64| [angle.sin() as f32, angle.cos() as f32];
     let columns = (0..width).map(|i| pair(TAU * ((f64::from(i) + 0.5) / f64::from(width) - 0.5) - yaw));
     let rows = (0..height).map(|j| pair(PI * (f64::from(j) + 0.5) / f64::from(height)));
-    columns.chain(rows).collect()
+    let mut all: Vec<_> = columns.collect();
+    all.resize(stride as usize, [0.0; 2]);
+    all.push([0.0, 1.0]);
+    all.extend(rows);
+    all.push([0.0, -1.0]);
+    all.resize(2 * stride as usize, [0.0; 2]);
+    all
 }
 
-/// Depth and the distances of the two pole vertices: the harmonic means of the first and the last row.
+/// Depth between two rows of the pole vertices' distances: the harmonic means of the first and the last row.
 fn with_poles(depth: &[f32], [width, _]: [u32; 2]) -> Vec<f32> {
     let pole = |row: &[f32]| {
         let valid: Vec<f64> = row.iter().filter(|d| **d > 0.0).map(|d| 1.0 / f64::from(*d)).collect();
         if valid.is_empty() { 0.0 } else { (valid.len() as f64 / valid.iter().sum::<f64>()) as f32 }
     };
     let width = width as usize;
-    let poles = [pole(&depth[..width]), pole(&depth[depth.len() - width..])];
-    depth.iter().copied().chain(poles).collect()
+    let [north, south] = [&depth[..width], &depth[depth.len() - width..]].map(|row| vec![pole(row); width]);
+    [&north, depth, &south].concat()
 }
 
 #[cfg(test)]
@@ -134,12 +193,29 @@ mod tests {
         for size in [[1, 1], [2, 1], [3, 2], [7, 5], [64, 32], [1023, 513], [8192, 4096]] {
             let shape = PyramidShape::new(size);
             assert_eq!(*shape.levels.last().unwrap(), [1, 1]);
-            assert!(shape.levels.len() <= 16);
+            assert!(shape.levels.len() <= 15);
         }
     }
 
     #[test]
     fn a_pole_is_the_harmonic_mean_of_its_valid_texels() {
-        assert_eq!(with_poles(&[1.0, 3.0, 0.0, 0.0], [2, 2])[4..], [1.5, 0.0]);
+        assert_eq!(with_poles(&[1.0, 3.0, 0.0, 0.0], [2, 2]), [1.5, 1.5, 1.0, 3.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn levels_of_the_pyramid_lie_apart() {
+        for width in (1..200u32).chain([511, 513, 1023, 4095, 8192, 32767]) {
+            for height in [1, 2, 3, width.div_ceil(2), width, 32767] {
+                let shape = PyramidShape::new([width, height]);
+                let mut free = 0;
+                for (level, [w, h]) in (0..).zip(shape.levels.iter().copied()) {
+                    assert!(shape.node(level, 0, 0) >= free, "{width}×{height}, level {level}");
+                    free = shape.node(level, w - 1, h - 1) + 1;
+                    let halved = shape.levels[0].map(|n| ((n - 1) >> level) + 1);
+                    assert_eq!([w, h], halved, "as shaders reckon it");
+                }
+                assert_eq!(free, shape.nodes);
+            }
+        }
     }
 }

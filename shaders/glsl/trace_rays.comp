@@ -1,0 +1,30 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Any rays against the panorama's surface: what `iprt bench --rays` times and the tracer's test compares with its oracle.
+// In: rays (m), depth, angles, pyramid. Out: answers.
+#define TRACE_PANORAMA
+#define MARCH_PANORAMA
+#include "common.glsl"
+#include "panorama.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 0) const uint FAR_SIDES = 0; // 1: the pyramid has them, and answers say what is unknown
+layout(constant_id = 1) const uint MARCH_STEPS = 0; // above 0: rays are marched
+
+struct TracedRay { vec3 origin; float t_min; vec3 direction; float t_max; };
+struct RayAnswer { float t; uint kind; vec2 uv; vec3 normal; uint unknown; };
+
+layout(set = 0, binding = 1, scalar) readonly buffer Rays { TracedRay ray[]; } in_rays;
+layout(set = 0, binding = 6, scalar) writeonly buffer Answers { RayAnswer answer[]; } out_answers;
+
+layout(push_constant, scalar) uniform Push { uint count; } push;
+
+void main() {
+    uint k = gl_GlobalInvocationID.x;
+    if (k >= push.count) return;
+    TracedRay ray = in_rays.ray[k];
+    PanoramaHit hit;
+    if (MARCH_STEPS > 0u) hit = panorama_march(ray.origin, ray.direction, MARCH_STEPS);
+    else hit = panorama_trace(ray.origin, ray.direction, ray.t_min, ray.t_max);
+    bool unknown = FAR_SIDES != 0u && panorama_unknown(ray.origin, ray.direction, ray.t_min, hit.t);
+    out_answers.answer[k] = RayAnswer(hit.t, hit.kind, hit.uv, hit.normal, uint(unknown));
+}

@@ -1,0 +1,416 @@
+//! `bench --rays`: how many rays a second the panorama's tracer answers, by kind of ray and size of the depth map, and what preparing a
+//! video frame for it costs.
+
+use crate::{
+    Error, Result,
+    gpu::Gpu,
+    panorama::{
+        mapping::{panorama_to_world, texel_direction},
+        source::PanoramaFrame,
+    },
+    passes::trace_rays::{FREE, RayAnswer, RaySet, RayTracer, TracedRay, Tracer},
+    scene::Scene,
+    settings::Settings,
+};
+use glam::{DMat3, DVec2, DVec3};
+use serde::Serialize;
+use std::{
+    f64::consts::{FRAC_1_SQRT_2, TAU},
+    fmt::Write,
+};
+
+use super::bench::quantile;
+
+/// Columns and rows of each set's picture: one ray a pixel, in tiles of 8×8 as a workgroup has them.
+const PICTURE: [u32; 2] = [512, 256];
+
+/// The kinds of rays.
+pub const SETS: [&str; 3] = ["coherent", "cosine", "silhouettes"];
+
+/// Steps of the march that is measured beside the surface's own tracer.
+const MARCH_STEPS: u32 = 32;
+
+/// The tracers, by name.
+const TRACERS: [(&str, Tracer); 2] = [("surface", Tracer::Surface), ("march", Tracer::March(MARCH_STEPS))];
+
+/// One kind of ray and one tracer.
+#[derive(Clone, Debug, Serialize)]
+pub struct SetRate {
+    /// Of [`SETS`].
+    pub name: &'static str,
+    /// `surface`: exact; `march`: in steps through the depth.
+    pub tracer: &'static str,
+    /// Median over the repetitions, million rays a second of GPU time.
+    pub mrays_per_second: f64,
+    /// The slowest repetition.
+    pub slowest: f64,
+    /// The fastest.
+    pub fastest: f64,
+    /// Share of rays that hit something.
+    pub hits: f64,
+    /// Share of rays of which this tracer says the same as `surface`: free, or a hit within 2 % of its distance.
+    pub same: f64,
+}
+
+/// One size of the depth map.
+#[derive(Clone, Debug, Serialize)]
+pub struct SizeRates {
+    /// Width and height, texels.
+    pub size: [u32; 2],
+    /// Median milliseconds of `normals`, once a video frame.
+    pub normals_ms: f64,
+    /// Median milliseconds of `depth_pyramid`, once a video frame.
+    pub depth_pyramid_ms: f64,
+    /// Bytes of what `depth_pyramid` writes.
+    pub pyramid_bytes: u64,
+    /// A scene without depth edges has no silhouettes.
+    pub sets: Vec<SetRate>,
+}
+
+/// What `bench --rays --json` writes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Vulkan device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Scene name.
+    pub scene: String,
+    /// Rays of a set.
+    pub rays: u32,
+    /// How often each set was traced.
+    pub repetitions: u32,
+    /// In the order asked for.
+    pub sizes: Vec<SizeRates>,
+}
+
+/// Measures the scene's first panorama frame, its depth resampled to each of `sizes`. Sizes and sets take turns, so that a slow minute is
+/// everyone's. `progress` is called `repetitions · sizes` times.
+pub fn run(
+    gpu: &Gpu,
+    scene: &Scene,
+    settings: &Settings,
+    sizes: &[[u32; 2]],
+    repetitions: u32,
+    mut progress: impl FnMut(),
+) -> Result<Report> {
+    struct Case {
+        size: [u32; 2],
+        tracers: Vec<(&'static str, RayTracer)>,
+        sets: Vec<(&'static str, RaySet, [Vec<f64>; TRACERS.len()])>,
+        normals: Vec<f64>,
+        pyramid: Vec<f64>,
+    }
+    let (frame, yaw_degrees) = (scene.panorama.load(0)?, scene.panorama.yaw_degrees);
+    let mut cases = Vec::new();
+    for &size in sizes {
+        let depth = resample(&frame, size)?;
+        let surface = Surface { size, depth: &depth.depth, yaw_degrees, edge_ratio: f64::from(settings.edge_ratio) };
+        let tracers = TRACERS.map(|(name, kind)| Ok((name, RayTracer::new(gpu, &depth, yaw_degrees, settings, kind)?)));
+        let tracers = tracers.into_iter().collect::<Result<Vec<_>>>()?;
+        let mut sets = Vec::new();
+        for (name, rays) in SETS.into_iter().zip([surface.coherent(), surface.cosine(), surface.silhouettes()]) {
+            if !rays.is_empty() {
+                let set = tracers[0].1.rays(&rays)?;
+                for (_, tracer) in &tracers {
+                    tracer.trace(&set)?; // the first is slower: pages are touched, shaders compiled
+                }
+                sets.push((name, set, std::array::from_fn(|_| Vec::new())));
+            }
+        }
+        cases.push(Case { size, tracers, sets, normals: Vec::new(), pyramid: Vec::new() });
+    }
+    for _ in 0..repetitions {
+        for case in &mut cases {
+            let timings = case.tracers[0].1.prepare()?;
+            let total = |pass: &str| timings.entries.iter().filter(|(name, _)| name == pass).map(|(_, ms)| ms).sum();
+            case.normals.push(total("normals"));
+            case.pyramid.push(total("depth_pyramid"));
+            for (_, set, rates) in &mut case.sets {
+                for ((_, tracer), rates) in case.tracers.iter().zip(rates) {
+                    rates.push(f64::from(set.count()) / (tracer.trace(set)? * 1e3));
+                }
+            }
+            progress();
+        }
+    }
+    let mut report = Report {
+        device: gpu.device_name().to_owned(),
+        driver: gpu.driver().to_owned(),
+        scene: scene.name.clone(),
+        rays: PICTURE[0] * PICTURE[1],
+        repetitions,
+        sizes: Vec::new(),
+    };
+    for mut case in cases {
+        let mut sets = Vec::new();
+        for (name, set, rates) in case.sets {
+            let mut exact = Vec::new();
+            for ((tracer, traced), mut rates) in case.tracers.iter().zip(rates) {
+                traced.trace(&set)?;
+                let answers = traced.answers(&set)?;
+                if exact.is_empty() {
+                    exact = answers.clone();
+                }
+                let share = |count: usize| count as f64 / answers.len() as f64;
+                let same = |(a, b): &(&RayAnswer, &RayAnswer)| {
+                    (a.kind == FREE) == (b.kind == FREE) && (a.kind == FREE || (a.t - b.t).abs() <= 0.02 * b.t)
+                };
+                sets.push(SetRate {
+                    name,
+                    tracer,
+                    mrays_per_second: quantile(&mut rates, 0.5), // sorts
+                    slowest: rates[0],
+                    fastest: rates[rates.len() - 1],
+                    hits: share(answers.iter().filter(|a| a.kind != FREE).count()),
+                    same: share(answers.iter().zip(&exact).filter(same).count()),
+                });
+            }
+        }
+        report.sizes.push(SizeRates {
+            size: case.size,
+            normals_ms: quantile(&mut case.normals, 0.5),
+            depth_pyramid_ms: quantile(&mut case.pyramid, 0.5),
+            pyramid_bytes: case.tracers[0].1.pyramid_bytes(),
+            sets,
+        });
+    }
+    Ok(report)
+}
+
+impl Report {
+    /// For people.
+    pub fn table(&self) -> String {
+        let mut out = String::new();
+        let _ = writeln!(out, "{} ({}), {}", self.device, self.driver, self.scene);
+        let _ = writeln!(
+            out,
+            "million rays a second: median (slowest–fastest) of {} times {} rays; same: least share of answers that are surface's\n\
+             (free, or within 2 % of its distance); milliseconds a video frame: medians",
+            self.repetitions, self.rays
+        );
+        let _ = write!(out, "{:<12}{:<9}", "depth map", "tracer");
+        for name in SETS {
+            let _ = write!(out, "{name:>22}");
+        }
+        let _ = writeln!(out, "{:>8}{:>10}{:>15}{:>8}", "same", "normals", "depth_pyramid", "MiB");
+        for row in &self.sizes {
+            for (tracer, _) in TRACERS {
+                let _ = write!(out, "{:<12}{tracer:<9}", format!("{}×{}", row.size[0], row.size[1]));
+                let mut same: f64 = 1.0;
+                for name in SETS {
+                    let set = row.sets.iter().find(|set| set.name == name && set.tracer == tracer);
+                    same = set.map_or(same, |set| same.min(set.same));
+                    let cell = set.map_or("none".to_owned(), |set| {
+                        format!("{:.3} ({:.3}–{:.3})", set.mrays_per_second, set.slowest, set.fastest)
+                    });
+                    let _ = write!(out, "{cell:>22}");
+                }
+                let _ = write!(out, "{:>6.1} %", 100.0 * same);
+                let mebibytes = row.pyramid_bytes as f64 / f64::from(1 << 20);
+                let _ = match tracer {
+                    "surface" => {
+                        writeln!(out, "{:>10.1}{:>15.1}{mebibytes:>8.1}", row.normals_ms, row.depth_pyramid_ms)
+                    }
+                    _ => writeln!(out),
+                };
+            }
+        }
+        out
+    }
+}
+
+/// The frame's depth at another size, with no radiance. Between texels that belong together inverse depth is interpolated, since
+/// it is linear in direction on planes; at an edge the nearest texel is taken, so that none is smeared.
+fn resample(frame: &PanoramaFrame, size: [u32; 2]) -> Result<PanoramaFrame> {
+    let [width, height] = frame.depth_size;
+    if size.contains(&0) || size.iter().any(|n| *n > 1 << 15) {
+        let problem = format!("a depth map cannot be {}×{}", size[0], size[1]);
+        return Err(Error::input("--depth-sizes", problem, "both must be from 1 to 32768"));
+    }
+    let texel = |x: i64, y: i64| {
+        let (x, y) = crate::panorama::mapping::wrap(x, y, [width, height]);
+        f64::from(frame.depth[(y * width + x) as usize])
+    };
+    let mut depth = Vec::with_capacity(size[0] as usize * size[1] as usize);
+    for j in 0..size[1] {
+        for i in 0..size[0] {
+            let x = (f64::from(i) + 0.5) / f64::from(size[0]) * f64::from(width) - 0.5;
+            let y = (f64::from(j) + 0.5) / f64::from(size[1]) * f64::from(height) - 0.5;
+            let (x0, y0) = (x.floor() as i64, y.floor() as i64);
+            let (fx, fy) = (x - x.floor(), y - y.floor());
+            let four = [texel(x0, y0), texel(x0 + 1, y0), texel(x0, y0 + 1), texel(x0 + 1, y0 + 1)];
+            let (near, far) = four.iter().fold((f64::INFINITY, 0.0f64), |(n, f), d| (n.min(*d), f.max(*d)));
+            let value = if near > 0.0 && far <= 1.1 * near {
+                let row = |a: f64, b: f64| (1.0 - fx) / a + fx / b;
+                1.0 / ((1.0 - fy) * row(four[0], four[1]) + fy * row(four[2], four[3]))
+            } else {
+                texel(x.round() as i64, y.round() as i64)
+            };
+            depth.push(value as f32);
+        }
+    }
+    Ok(PanoramaFrame {
+        color_size: [1, 1],
+        radiance: vec![[0.0; 4]],
+        depth_size: size,
+        depth,
+        quantisation: frame.quantisation,
+        warnings: Vec::new(),
+    })
+}
+
+/// The vertices of a depth map, and rays from them.
+struct Surface<'a> {
+    size: [u32; 2],
+    depth: &'a [f32],
+    yaw_degrees: f32,
+    edge_ratio: f64,
+}
+
+impl Surface<'_> {
+    fn vertex(&self, i: u32, j: u32) -> (DVec3, f64) {
+        let depth = f64::from(self.depth[(j * self.size[0] + i % self.size[0]) as usize]);
+        let direction = panorama_to_world(texel_direction(i % self.size[0], j, self.size), self.yaw_degrees.into());
+        (direction * depth, depth)
+    }
+
+    /// A point on the surface near a place of the image (0..1), and the normal towards the centre; none at holes and edges.
+    fn point(&self, uv: DVec2, random: &mut Random) -> Option<(DVec3, DVec3)> {
+        let i = (uv.x * f64::from(self.size[0])) as u32 % self.size[0];
+        let j = ((uv.y * f64::from(self.size[1])) as u32).min(self.size[1].checked_sub(2)?);
+        let corners = [self.vertex(i, j), self.vertex(i, j + 1), self.vertex(i + 1, j + 1)];
+        let depths = corners.map(|(_, depth)| depth);
+        let (near, far) = (depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2]));
+        if near <= 0.0 || far > near * (1.0 + self.edge_ratio) {
+            return None;
+        }
+        let [a, b, c] = corners.map(|(position, _)| position);
+        let (s, t) = (random.next().sqrt(), random.next());
+        let point = a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t);
+        let normal = (b - a).cross(c - a).normalize();
+        Some((point, if normal.dot(point) > 0.0 { -normal } else { normal }))
+    }
+
+    /// Calls `ray` with the pixels of the picture, 0..1, in tiles.
+    fn tiles(ray: impl FnMut(DVec2) -> Option<TracedRay>) -> Vec<TracedRay> {
+        let pixel = |k: u32| {
+            let (tile, within) = (k / 64, k % 64);
+            let across = PICTURE[0] / 8;
+            let (x, y) = (tile % across * 8 + within % 8, tile / across * 8 + within / 8);
+            DVec2::new((f64::from(x) + 0.5) / f64::from(PICTURE[0]), (f64::from(y) + 0.5) / f64::from(PICTURE[1]))
+        };
+        (0..PICTURE[0] * PICTURE[1]).map(pixel).filter_map(ray).collect()
+    }
+
+    /// Where a pixel of an equal-area picture of all directions lies in the panorama.
+    fn equal_area(pixel: DVec2) -> DVec2 {
+        DVec2::new(pixel.x, (1.0 - 2.0 * pixel.y).acos() / std::f64::consts::PI)
+    }
+
+    /// A camera's rays, a third of the way from the centre to what lies ahead; 60° high.
+    fn coherent(&self) -> Vec<TracedRay> {
+        let ahead = self.vertex(self.size[0] / 2, self.size[1] / 2).0;
+        let forward = ahead.normalize_or(DVec3::NEG_Z);
+        let right = forward.cross(DVec3::Y).normalize_or(DVec3::X);
+        let axes = DMat3::from_cols(right, right.cross(forward), forward);
+        let tan = 30f64.to_radians().tan();
+        let aspect = f64::from(PICTURE[0]) / f64::from(PICTURE[1]);
+        Self::tiles(|p| {
+            let d = axes * DVec3::new((2.0 * p.x - 1.0) * tan * aspect, (1.0 - 2.0 * p.y) * tan, 1.0);
+            Some(ray(ahead / 3.0, d))
+        })
+    }
+
+    /// From the surface in each direction from the centre, cosine-distributed.
+    fn cosine(&self) -> Vec<TracedRay> {
+        let mut random = Random(1);
+        Self::tiles(|p| {
+            let (point, normal) = self.point(Self::equal_area(p), &mut random)?;
+            let (u, phi) = (random.next(), TAU * random.next());
+            let (tangent, other) = normal.any_orthonormal_pair();
+            let d = tangent * (u.sqrt() * phi.cos()) + other * (u.sqrt() * phi.sin()) + normal * (1.0 - u).sqrt();
+            Some(ray(point + normal * (2e-3 * point.length()), d))
+        })
+    }
+
+    /// From the same points past foreground edges, within a texel of them.
+    fn silhouettes(&self) -> Vec<TracedRay> {
+        let mut edges = Vec::new();
+        for j in 0..self.size[1] {
+            for i in 0..self.size[0] {
+                let ((a, near), (_, far)) = (self.vertex(i, j), self.vertex(i + 1, j));
+                if near > 0.0 && far > near * (1.0 + self.edge_ratio) {
+                    edges.push(a);
+                }
+            }
+        }
+        let mut random = Random(2);
+        if edges.is_empty() {
+            return Vec::new();
+        }
+        Self::tiles(|p| {
+            let (point, normal) = self.point(Self::equal_area(p), &mut random)?;
+            let edge = edges[(random.next() * edges.len() as f64) as usize];
+            let texel = TAU / f64::from(self.size[0]) * edge.length() * FRAC_1_SQRT_2;
+            let jitter = DVec3::from_array(std::array::from_fn(|_| 2.0 * random.next() - 1.0)) * texel;
+            let origin = point + normal * (2e-3 * point.length());
+            Some(ray(origin, edge + jitter - origin))
+        })
+    }
+}
+
+fn ray(origin: DVec3, direction: DVec3) -> TracedRay {
+    let direction = direction.normalize_or(DVec3::X).as_vec3();
+    TracedRay { origin: origin.as_vec3(), t_min: 0.0, direction, t_max: 1e30 }
+}
+
+/// SplitMix64 (Steele, Lea and Flood 2014).
+struct Random(u64);
+
+impl Random {
+    /// Uniform in 0..1.
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::panorama::depth::box_depth;
+    use glam::vec3;
+
+    fn room(size: [u32; 2]) -> PanoramaFrame {
+        let depth = box_depth(size, vec3(6.0, 3.0, 4.0), vec3(0.5, 0.0, 0.3), 0.0);
+        PanoramaFrame { depth_size: size, depth, ..PanoramaFrame::default() }
+    }
+
+    #[test]
+    fn a_resampled_room_is_the_room() {
+        let coarse = resample(&room([128, 64]), [512, 256]).unwrap();
+        let mut errors: Vec<f64> =
+            coarse.depth.iter().zip(&room([512, 256]).depth).map(|(a, b)| f64::from((a - b).abs() / b)).collect();
+        assert!(quantile(&mut errors, 0.9) < 1e-3, "on planes to the square of a texel");
+        assert!(quantile(&mut errors, 1.0) < 0.05, "in corners too");
+    }
+
+    #[test]
+    fn rays_start_inside_and_look_inside() {
+        let frame = room([256, 128]);
+        let surface = Surface { size: [256, 128], depth: &frame.depth, yaw_degrees: 0.0, edge_ratio: 0.1 };
+        for rays in [surface.coherent(), surface.cosine()] {
+            assert!(rays.len() > 100_000);
+            for r in rays {
+                let inside =
+                    |p: glam::Vec3| ((p - vec3(0.5, 0.0, 0.3)).abs() - vec3(3.0, 1.5, 2.0)).max_element() < 1e-3;
+                assert!(inside(r.origin) && inside(r.origin + 1e-3 * r.direction) && r.direction.is_normalized());
+            }
+        }
+        assert!(surface.silhouettes().is_empty(), "an empty room has no edges");
+    }
+}

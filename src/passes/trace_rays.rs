@@ -1,0 +1,165 @@
+//! `trace_rays`: any rays against a panorama's surface, outside of a frame. `iprt bench --rays` times it, and the test of the tracer
+//! compares its answers with an oracle.
+
+use super::{
+    depth_pyramid::DepthPyramid,
+    normals::Normals,
+    panorama::Panorama,
+    resources::{Kernel, Resource, Resources},
+    view::ViewData,
+};
+use crate::{
+    Error, Result,
+    gpu::{Access, Bind, Buffer, Gpu, StructLayout, Threads, Timings, struct_layout},
+    gpu_struct,
+    panorama::{depth::Quantisation, source::PanoramaFrame},
+    settings::Settings,
+    shaders,
+};
+use glam::{Vec2, Vec3};
+
+gpu_struct! {
+    /// A ray from `origin` (m, relative to the panorama's centre) in a unit `direction`, between two distances.
+    pub struct TracedRay { pub origin: Vec3, pub t_min: f32, pub direction: Vec3, pub t_max: f32 }
+}
+
+gpu_struct! {
+    /// What a ray met: [`FREE`], [`SURFACE`] or [`SKIRT`] at `t` metres (1e30 where it left), where its radiance is read, the
+    /// triangle's normal (of any length), and whether it passed
+    /// through a skirt's far side (0 where nobody asked).
+    pub struct RayAnswer { pub t: f32, pub kind: u32, pub uv: Vec2, pub normal: Vec3, pub unknown: u32 }
+}
+
+gpu_struct! {
+    struct Push { pub count: u32 }
+}
+
+/// The ray left.
+pub const FREE: u32 = 0;
+/// It met a surface.
+pub const SURFACE: u32 = 1;
+/// It met a skirt within the thickness.
+pub const SKIRT: u32 = 2;
+
+/// How rays are traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tracer {
+    /// Through the surface, exactly (`panorama_trace`).
+    Surface,
+    /// The same, and whether they are unknown (`panorama_unknown`).
+    FarSides,
+    /// Marched through the depth in so many steps (`panorama_march`).
+    March(u32),
+}
+
+/// A panorama ready for rays.
+pub struct RayTracer {
+    gpu: Gpu,
+    kernel: Kernel,
+    panorama: Panorama,
+    view: Resources,
+    normals: Normals,
+    depth_pyramid: DepthPyramid,
+    quantisation: Quantisation,
+    normal_radius: u32,
+}
+
+/// Rays on the device, with room for their answers.
+pub struct RaySet {
+    count: u32,
+    rays: Buffer,
+    answers: Buffer,
+}
+
+impl RaySet {
+    /// How many.
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+}
+
+impl RayTracer {
+    /// Uploads a panorama and prepares it as the renderer does. Of the settings, those of the real surface count.
+    pub fn new(
+        gpu: &Gpu,
+        frame: &PanoramaFrame,
+        yaw_degrees: f32,
+        settings: &Settings,
+        tracer: Tracer,
+    ) -> Result<Self> {
+        use Access::{Read, Write};
+        const STRUCTS: &[StructLayout] =
+            &[struct_layout::<TracedRay>("TracedRay"), struct_layout::<RayAnswer>("RayAnswer")];
+        const BINDINGS: &[(&str, Access)] = &[
+            ("in_view", Read),
+            ("in_depth", Read),
+            ("in_angles", Read),
+            ("in_pyramid", Read),
+            ("in_rays", Read),
+            ("out_answers", Write),
+        ];
+        let steps = if let Tracer::March(steps) = tracer { steps } else { 0 };
+        let constants = [(0, u32::from(tracer == Tracer::FarSides)), (1, steps)];
+        let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, BINDINGS, STRUCTS, &constants)?;
+        let mut panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, 1)?;
+        if tracer == Tracer::FarSides {
+            panorama = panorama.with_far_sides(gpu)?;
+        }
+        panorama.upload(gpu, frame)?;
+        let mut data =
+            ViewData { edge_ratio: settings.edge_ratio, thickness: settings.thickness, ..ViewData::default() };
+        panorama.describe(&mut data);
+        let mut view = Resources::default();
+        view.add("view", Resource::Buffer(gpu.buffer_with("rays view", &[data])?));
+        let ready = Self {
+            gpu: gpu.clone(),
+            kernel,
+            panorama,
+            view,
+            normals: Normals::new(gpu)?,
+            depth_pyramid: DepthPyramid::new(gpu)?,
+            quantisation: frame.quantisation,
+            normal_radius: settings.normal_radius,
+        };
+        ready.prepare()?;
+        Ok(ready)
+    }
+
+    /// Derives what rays need from the depth, as every new video frame does.
+    pub fn prepare(&self) -> Result<Timings> {
+        let mut frame = self.gpu.frame()?;
+        self.normals.record(&mut frame, &self.panorama, &self.view, self.quantisation, self.normal_radius)?;
+        frame.barrier("depth_pyramid bounds the depth that normals wrote");
+        self.depth_pyramid.record(&mut frame, &self.panorama, &self.view)?;
+        frame.submit()
+    }
+
+    /// What the pyramid takes.
+    pub fn pyramid_bytes(&self) -> u64 {
+        self.panorama.pyramid_bytes()
+    }
+
+    /// Uploads rays.
+    pub fn rays(&self, rays: &[TracedRay]) -> Result<RaySet> {
+        let count = u32::try_from(rays.len()).map_err(|_| Error::Internal("too many rays".into()))?;
+        let answers = self.gpu.buffer("answers", size_of_val(rays) as u64)?;
+        Ok(RaySet { count, rays: self.gpu.buffer_with("rays", rays)?, answers })
+    }
+
+    /// Traces them; milliseconds on the device.
+    pub fn trace(&self, set: &RaySet) -> Result<f64> {
+        let mut frame = self.gpu.frame()?;
+        let special = [("in_rays", Bind::from(&set.rays)), ("out_answers", Bind::from(&set.answers))];
+        let pools = [&self.panorama.resources, &self.view];
+        let threads = Threads::Size([set.count, 1, 1]);
+        self.kernel.dispatch(&mut frame, &special, &pools, &Push { count: set.count }, threads)?;
+        Ok(frame.submit()?.gpu_ms)
+    }
+
+    /// The answers of the last time they were traced.
+    pub fn answers(&self, set: &RaySet) -> Result<Vec<RayAnswer>> {
+        let mut answers = self.gpu.read_buffer(&set.answers)?;
+        answers.truncate(set.count as usize);
+        Ok(answers)
+    }
+}
