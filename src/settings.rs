@@ -33,6 +33,7 @@ choices! {
     /// How rays meet the real scene.
     RealTracer {
         Surface = "surface": "the surface of the depth map, exactly",
+        March = "march": "the depth as an image, looked at in `march_steps` places along the ray and then refined",
         Direction = "direction": "not at all: what a ray brings depends on its direction alone",
     }
     /// How rays meet virtual objects.
@@ -222,6 +223,7 @@ settings! {
     }
     irradiance {
         real_tracer: RealTracer = [RealTracer::Surface, RealTracer::Surface, RealTracer::Direction, RealTracer::Surface], ANY, "", "how rays meet the real scene";
+        march_steps: u32 = [32, 32, 32, 32], [2.0, 4096.0], "", "`real_tracer = march`: places at equal angles along a ray";
         virtual_tracer: VirtualTracer = [VirtualTracer::Bvh, VirtualTracer::Screen, VirtualTracer::Bvh, VirtualTracer::Bvh], ANY, "", "how the picture's rays meet virtual objects; the relit map's rays use the BVH";
         screen_thickness: f32 = [0.1, 0.1, 0.1, 0.1], [0.0, f64::INFINITY], "metres", "`virtual_tracer = screen`: how thick objects are taken to be behind what is seen";
         screen_stride: f32 = [1.0, 1.0, 1.0, 1.0], [1.0, 64.0], "pixels", "`virtual_tracer = screen`: length of a step";
@@ -241,7 +243,7 @@ settings! {
     }
     atrous {
         filter_order: FilterOrder = [FilterOrder::TemporalFirst, FilterOrder::SpatialFirst, FilterOrder::TemporalFirst, FilterOrder::TemporalFirst], ANY, "", "which filter comes first";
-        atrous_levels: u32 = [5, 5, 5, 0], [0.0, 5.0], "", "levels of the edge-avoiding filter; five span 65×65 pixels";
+        atrous_levels: u32 = [5, 5, 5, 0], [0.0, 5.0], "", "levels of the edge-avoiding filter; the fifth spans 65×65 pixels, all five together reach 62 pixels";
         sigma_luminance: f32 = [2.0, INFINITE, 2.0, 2.0], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e; inf: luminance does not count";
     }
     composite {

@@ -188,3 +188,23 @@ fn every_method_renders_what_its_settings_say() {
         assert!(aov(&same, "radiance") == pictures[1]);
     });
 }
+
+#[test]
+fn a_march_sees_about_what_the_surface_shows() {
+    validated(|gpu| {
+        let scene = board_scene();
+        let of = |set: &[(&str, &str)]| {
+            let mut all = vec![("relight_levels", "0"), ("coverage_samples", "1")];
+            all.extend(set);
+            ratios(&rendered(gpu, &scene, converged(Method::Iprt, &all), 64))
+        };
+        let (surface, march) = (of(&[]), of(&[("real_tracer", "march")]));
+        let few = of(&[("real_tracer", "march"), ("march_steps", "2")]);
+        let rms = |other: &[Option<f32>]| {
+            let squares: Vec<_> = surface.iter().zip(other).filter_map(|(a, b)| Some((*a)? - (*b)?)).collect();
+            (squares.iter().map(|d| d * d).sum::<f32>() / squares.len() as f32).sqrt()
+        };
+        assert!(rms(&march) < 0.03, "{}", rms(&march));
+        assert!(march != surface && few != march, "the tracer and its steps count");
+    });
+}

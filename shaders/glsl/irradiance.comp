@@ -15,11 +15,13 @@
 #include "light.glsl"
 #include "list.glsl"
 layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { float screen_thickness; float screen_stride; float screen_jitter; uint march_steps; } push;
 layout(constant_id = 1) const uint LAYER = 0;
 layout(constant_id = 4) const uint REAL_TRACER = 0;
 layout(constant_id = 5) const uint VIRTUAL_TRACER = 0;
 layout(constant_id = 7) const uint DIRECTIONS = 2;
-const uint DIRECTION = 1u; // of REAL_TRACER
+const uint MARCH = 1u;     // of REAL_TRACER
+const uint DIRECTION = 2u; // of REAL_TRACER
 const uint SCREEN = 1u;    // of VIRTUAL_TRACER
 const uint BRDF = 0u;      // of DIRECTIONS
 
@@ -31,11 +33,13 @@ layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; }
 layout(set = 0, binding = 45, rgba32f) uniform writeonly image2DArray out_irradiance_a;
 layout(set = 0, binding = 46, rgba32f) uniform writeonly image2DArray out_irradiance_b;
 
+#include "march.glsl"
 #include "screen.glsl"
 
 // What a ray meets of the real scene; direction-only light is infinitely far.
 PanoramaHit real_trace(vec3 origin, vec3 d) {
     if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
+    if (REAL_TRACER == MARCH) return panorama_march(origin, d, push.march_steps);
     return panorama_trace(origin, d, 0.0, FAR);
 }
 

@@ -1,7 +1,6 @@
 // Virtual objects as the picture shows them: rays walk its depth (McGuire and Mara 2014, "Efficient GPU Screen-Space Ray
 // Tracing"). Perspective pictures are walked by a DDA that interpolates 1/z, equirect ones by equal angles along the
 // ray's great circle. What is off the picture, or hidden in it, is not met.
-layout(push_constant, scalar) uniform Push { float screen_thickness; float screen_stride; float screen_jitter; } push;
 
 // How far a ray starts from its own pixel, pixels: closer, it would meet the surface that it leaves.
 const float SCREEN_GAP = 1.0;

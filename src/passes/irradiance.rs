@@ -28,7 +28,7 @@ pub struct Relight<'a> {
 
 gpu_struct! {
     /// Push constants of `irradiance.comp`.
-    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32 }
+    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32, pub march_steps: u32 }
 }
 
 /// See the module.
@@ -72,6 +72,7 @@ impl Irradiance {
                 screen_thickness: settings.screen_thickness,
                 screen_stride: settings.screen_stride,
                 screen_jitter: settings.screen_jitter,
+                march_steps: settings.march_steps,
             },
         })
     }
