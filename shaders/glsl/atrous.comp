@@ -1,6 +1,6 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 5, atrous: one level of an edge-avoiding 5×5 B3-spline filter with steps 1, 2, 4, 8, 16 (Dammertz et al. 2010; five
+// Pass 5, atrous: one level of an edge-avoiding 5×5 B3-spline filter with steps 1, 2, 4, 8, 16 (Dammertz et al. 2010; the
 // fifth level spans 65×65), guided by plane distance, normal, object id and, as SVGF (Schied et al. 2017, eq. 3–5), by luminance against
 // the standard deviation of the accumulated mean. E_R and ΔE share one set of weights, taken from ΔE; the Lambert and the GGX lobe
 // of virtual surfaces have their own, the GGX lobe's radius shrinking with roughness.
