@@ -175,3 +175,30 @@ fn the_contact_shadow_of_a_box_a_millimetre_above_the_floor_is_the_converged_one
         }
     });
 }
+
+/// Between a box and the floor a millimetre below it, light goes to and fro and comes from nowhere else. The capture shows a floor of radiance
+/// 1 there; each level of relighting multiplies what the underside sees of it by the box's albedo once more.
+#[test]
+fn the_underside_of_a_box_a_millimetre_above_the_floor_darkens_with_each_level() {
+    validated(|gpu| {
+        const ALBEDO: f32 = 0.5;
+        let thing = object(Shape::Box.mesh(vec3(0.6, 0.3, 0.6)), lambert(ALBEDO), vec3(0.1, FLOOR + 0.151, -0.3));
+        // the camera lies in the gap and looks up
+        let eye = vec3(0.1, FLOOR + 0.0004, -0.3);
+        let scene = scene(floor(), camera(eye, eye + vec3(0.0, 1.0, 0.001), 60.0), vec![thing]);
+        let underside = |method: Method, levels: &str, frames: u32| {
+            let set =
+                [("relight_levels", levels), ("relight_width", "128"), ("relight_warmup", "48"), ("bounces", "1")];
+            let renderer = rendered(gpu, &scene, RenderOptions { size: [16, 12], ..options(method, &set) }, frames);
+            let (picture, coverage) = (aov(&renderer, "radiance"), aov(&renderer, "real_coverage"));
+            assert!(coverage.iter().all(|c| c[0] == 0.0), "the underside fills the picture");
+            picture.iter().map(|t| t[1]).sum::<f32>() / picture.len() as f32
+        };
+        for (levels, expected) in [("0", ALBEDO), ("1", ALBEDO * ALBEDO), ("2", ALBEDO * ALBEDO * ALBEDO)] {
+            let truth = underside(Method::Reference, levels, 16);
+            let found = underside(Method::Iprt, levels, 16);
+            assert!((truth / expected - 1.0).abs() < 0.05, "{levels} levels, converged: {truth} instead of {expected}");
+            assert!((found / truth - 1.0).abs() < 0.05, "{levels} levels: {found}, converged {truth}");
+        }
+    });
+}

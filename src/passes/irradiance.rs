@@ -35,8 +35,8 @@ gpu_struct! {
 pub struct Irradiance {
     real: Kernel,
     other: Kernel,
-    /// Real surfaces of the relit map, whose picture shows no objects to walk.
-    relight: Kernel,
+    /// Real surfaces of the relit map, whose picture shows no objects to walk, where they need a tracer of their own.
+    relight: Option<Kernel>,
     push: IrradiancePush,
 }
 
@@ -67,7 +67,9 @@ impl Irradiance {
         Ok(Self {
             real: kernel(0, settings.virtual_tracer)?,
             other: kernel(1, settings.virtual_tracer)?,
-            relight: kernel(0, VirtualTracer::Bvh)?,
+            relight: (settings.virtual_tracer != VirtualTracer::Bvh)
+                .then(|| kernel(0, VirtualTracer::Bvh))
+                .transpose()?,
             push: IrradiancePush {
                 screen_thickness: settings.screen_thickness,
                 screen_stride: settings.screen_stride,
@@ -91,7 +93,7 @@ impl Irradiance {
         relit.add("relight_real", Resource::Image(relight.real.clone()));
         relit.add("relight_change", Resource::Image(relight.change.clone()));
         let pools = [&view.resources, panorama, &scene.resources, &relit];
-        let real = if objects { &self.real } else { &self.relight };
+        let real = self.relight.as_ref().filter(|_| !objects).unwrap_or(&self.real);
         real.dispatch(frame, &[], &pools, &self.push, Threads::Indirect(&view.arguments, LIST_REAL))?;
         if objects {
             // the two write different layers of the same images
