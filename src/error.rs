@@ -29,6 +29,16 @@ pub enum Error {
         /// The driver's answer.
         result: ash::vk::Result,
     },
+    /// The user stopped it; what was done is kept.
+    #[error("{subject}: interrupted {at}; {remedy}")]
+    Interrupted {
+        /// The output.
+        subject: String,
+        /// How far it got.
+        at: String,
+        /// How to go on.
+        remedy: String,
+    },
     /// A fault of this program: a shader and its declaration disagree, a barrier is missing.
     #[error("internal: {0}")]
     Internal(String),
@@ -48,7 +58,7 @@ impl Error {
         match self {
             Self::Input { .. } => 2,
             Self::NoDevice { .. } => 3,
-            Self::Vulkan { .. } | Self::Internal(_) => 1,
+            Self::Vulkan { .. } | Self::Interrupted { .. } | Self::Internal(_) => 1,
         }
     }
 }

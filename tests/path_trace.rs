@@ -6,10 +6,10 @@ use iprt::{
     passes::view::Viewpoint,
     reference::{
         capture::{COLOR_FILE, CaptureSettings, capture, capture_cached},
-        path_trace::{PathSettings, PathTracer, Sums},
+        path_trace::{LightSampling, PathSettings, PathTracer, Sums},
     },
     scene::{
-        Object, Scene,
+        CompleteScene, Object, Scene,
         animation::{Placement, Transform},
         camera::CameraTrack,
         file::RenderSettings,
@@ -78,7 +78,8 @@ fn mean(sums: &Sums) -> f32 {
     radiance.iter().map(|c| c[1]).sum::<f32>() / radiance.len() as f32
 }
 
-const SMALL: PathSettings = PathSettings { size: [32, 16], seed: 3, bounces: 64, roulette: 2 };
+const SMALL: PathSettings =
+    PathSettings { size: [32, 16], seed: 3, bounces: 64, roulette: 2, sampling: LightSampling::Mis };
 
 #[test]
 fn white_furnace() {
@@ -143,7 +144,7 @@ fn a_lamp_in_a_rough_mirror_is_the_same_by_both_ways_of_sampling() {
 }
 
 /// A box room with a shining ceiling.
-fn room() -> Model {
+fn room() -> CompleteScene {
     let mut model = Model::from_mesh(Shape::Box.mesh(vec3(4.0, 2.6, 3.0)), lambert(0.6, 0.0));
     let mut lamp = lambert(0.0, 6.0);
     lamp.name = "lamp".into();
@@ -152,7 +153,8 @@ fn room() -> Model {
     for (triangle, material) in mesh.triangles.iter().zip(&mut mesh.materials) {
         *material = u32::from(triangle.iter().all(|v| mesh.positions[*v as usize].y > 0.0));
     }
-    model
+    CompleteScene::assemble("room", Arc::new(model), CameraTrack::at_point(Vec3::ZERO), Vec::new())
+        .expect("a good room")
 }
 
 #[test]
@@ -160,7 +162,7 @@ fn captured_depth_is_the_distance_and_the_cache_mends_itself() {
     let gpu = open();
     let settings = CaptureSettings { size: [64, 32], samples: 4, progress: false, ..Default::default() };
     let position = vec3(0.5, -0.2, 0.3);
-    let frame = capture(&gpu, &room(), position, &settings).expect("captures");
+    let frame = capture(&gpu, &room(), 0.0, position, &settings).expect("captures");
     for (i, depth) in frame.depth.iter().enumerate() {
         let d = iprt::panorama::mapping::texel_direction(i as u32 % 64, i as u32 / 64, [64, 32]).as_vec3();
         let to_walls = (vec3(2.0, 1.3, 1.5) - position * d.signum()) / d.abs();

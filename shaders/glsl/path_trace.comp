@@ -3,7 +3,7 @@
 // The oracle of scene truth, path_trace: one sample a pixel of the light transport in a complete scene (rendering equation,
 // all bounces), added to sums. Light sampling and BRDF sampling are combined by the balance heuristic (Veach 1997).
 // Emission is from both sides of a triangle, as elsewhere; a ray that leaves the scene brings nothing.
-// In: scene, lights. In/out (sums over samples): reflected, other, albedo; centre (written by sample 0).
+// In: scene, lights, punctual lights. In/out (sums over the samples of a batch): reflected, other, albedo; centre (written by sample 0).
 // Radiance of a pixel is (reflected + other) / samples. The split serves the denoiser: `reflected` is what the surface at the
 // pixel's centre reflects, `other` is emission seen directly and all that other surfaces in the pixel send.
 #include "common.glsl"
@@ -14,11 +14,16 @@ layout(local_size_x = 8, local_size_y = 8) in;
 // A triangle that shines. Drawn with a probability proportional to area · luminance; `below` is the sum of those before it.
 struct Light { uint instance; uint triangle; float below; uint padding; };
 
+// A light without a surface (KHR_lights_punctual). `Punctual` in scene/packed.rs.
+struct Punctual { vec3 position; uint directional; vec3 direction; float range; vec3 intensity; float cone_scale; float cone_offset; };
+
 layout(set = 0, binding = 70, scalar) readonly buffer Lights { Light light[]; } in_lights;
 layout(set = 0, binding = 71, rgba32f) uniform image2D reflected; // w: how many samples met the centre's surface
 layout(set = 0, binding = 72, rgba32f) uniform image2D other;     // w: squared luminance of `reflected`'s samples
 layout(set = 0, binding = 73, rgba32f) uniform image2D albedo;    // Lambert albedo of the centre's surface; w: squared luminance of radiance
 layout(set = 0, binding = 74, rgba32f) uniform image2D centre;    // shading normal and distance (m, 0: nothing) at the pixel's centre
+
+layout(set = 0, binding = 75, scalar) readonly buffer PunctualLights { Punctual light[]; } in_punctual;
 
 layout(push_constant, scalar) uniform Push {
     uint first_row;
@@ -27,6 +32,9 @@ layout(push_constant, scalar) uniform Push {
     float inverse_power; // 1 / Σ area · luminance
     uint bounces;        // at most
     uint roulette;       // bounces before paths may be ended at random
+    uint punctual_count;
+    uint sampling;       // MIS, LIGHTS or LOBES
+    uint fresh;          // 1: the sums start anew
 } push;
 
 // --- Owen-scrambled Sobol points, padded: two dimensions at a time (Burley 2020, "Practical Hash-based Owen Scrambling") ---
@@ -63,6 +71,11 @@ vec2 draw(inout Sampler s) {
 
 // --- light ---
 
+// What finds the surfaces that shine: both, or one of them alone, to test that all three agree.
+const uint MIS = 0u;
+const uint LIGHTS = 1u;
+const uint LOBES = 2u;
+
 const uint LIGHT_CANDIDATES = 4u;
 
 // Density, per area, with which light sampling finds a point of this triangle.
@@ -83,7 +96,7 @@ uint light_at(float u) {
 // Light by one lobe, weighted against BRDF sampling of that lobe. Of a few points drawn, spread over all lights, one is taken by
 // what it would bring (resampled importance sampling, Talbot et al. 2005), and only that one costs a ray.
 vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, float choice) {
-    if (push.light_count == 0u) return vec3(0.0);
+    if (push.light_count == 0u || push.sampling == LOBES) return vec3(0.0);
     vec3 origin = surface_origin(s), chosen = vec3(0.0), chosen_d = vec3(0.0);
     float chosen_distance = 0.0, chosen_weight = 0.0, total = 0.0;
     for (uint k = 0u; k < LIGHT_CANDIDATES; k++) {
@@ -106,7 +119,7 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, 
         if (by_lobe <= 0.0) continue;
         Material m = in_materials.material[in_shading.triangle[point.triangle].material];
         vec3 radiance = m.emissive_texture == NONE ? m.emissive : scene_surface(point, d, 0.0).emissive;
-        vec3 brings = value * radiance / (by_light + by_lobe);
+        vec3 brings = value * radiance / (by_light + (push.sampling == MIS ? by_lobe : 0.0));
         float weight = luminance(brings);
         total += weight;
         if (weight > 0.0 && choice * total < weight) {
@@ -121,6 +134,49 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, 
     if (chosen_weight <= 0.0) return vec3(0.0);
     if (scene_trace(origin, chosen_d, chosen_distance * (1.0 - 1e-4) - 1e-4).instance != NONE) return vec3(0.0);
     return chosen * (total / (chosen_weight * float(LIGHT_CANDIDATES)));
+}
+
+const uint PUNCTUAL_CANDIDATES = 8u;
+
+// Light from lamps without a surface by one lobe. No lobe's sample can meet them, so there is nothing to weigh against. As above,
+// one of a few is chosen by what it would bring.
+vec3 punctual(Surface s, Lobes l, vec3 to_eye, bool specular, inout Random random) {
+    uint count = min(push.punctual_count, PUNCTUAL_CANDIDATES);
+    vec3 origin = surface_origin(s), chosen = vec3(0.0), chosen_d = vec3(0.0);
+    float chosen_distance = 0.0, chosen_weight = 0.0, total = 0.0;
+    for (uint k = 0u; k < count; k++) {
+        uint index = k;
+        if (push.punctual_count > PUNCTUAL_CANDIDATES)
+            index = min(uint(random_next(random) * float(push.punctual_count)), push.punctual_count - 1u);
+        Punctual light = in_punctual.light[index];
+        vec3 d = -light.direction;
+        float distance = FAR;
+        vec3 incident = light.intensity;
+        if (light.directional == 0u) {
+            vec3 to = light.position - origin;
+            distance = length(to);
+            d = to / max(distance, 1e-12);
+            float cone = clamp(dot(light.direction, -d) * light.cone_scale + light.cone_offset, 0.0, 1.0);
+            float faded = distance / light.range;
+            float window = clamp(1.0 - faded * faded * faded * faded, 0.0, 1.0); // glTF's recommendation
+            incident *= cone * cone * window / max(distance * distance, 1e-12);
+        }
+        if (dot(d, s.geometric) <= 0.0) continue;
+        float density;
+        vec3 value = specular ? brdf_specular(s, l, to_eye, d, density) : l.diffuse * (max(dot(s.normal, d), 0.0) / PI);
+        vec3 brings = value * incident;
+        float weight = luminance(brings);
+        total += weight;
+        if (weight > 0.0 && random_next(random) * total < weight) {
+            chosen = brings;
+            chosen_d = d;
+            chosen_distance = distance;
+            chosen_weight = weight;
+        }
+    }
+    if (chosen_weight <= 0.0) return vec3(0.0);
+    if (scene_trace(origin, chosen_d, chosen_distance).instance != NONE) return vec3(0.0);
+    return chosen * (total * float(push.punctual_count) / (chosen_weight * float(count)));
 }
 
 void main() {
@@ -161,7 +217,8 @@ void main() {
             float weight = 1.0;
             if (by_lobe > 0.0) {
                 float by_light = light_density(hit.triangle) * hit.t * hit.t / max(abs(dot(s.geometric, d)), 1e-12);
-                weight = by_lobe / (by_lobe + by_light);
+                if (push.sampling == MIS) weight = by_lobe / (by_lobe + by_light);
+                else if (push.sampling == LIGHTS && by_light > 0.0) weight = 0.0;
             }
             sum += throughput * s.emissive * weight;
         }
@@ -174,7 +231,11 @@ void main() {
         bool specular = choice.x < l.specular_probability;
         float probability = specular ? l.specular_probability : 1.0 - l.specular_probability;
         bool mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
-        if (!mirror) sum += throughput * direct(s, l, -d, specular, choice.y, light_u, random_next(draws.random)) / probability;
+        if (!mirror) {
+            vec3 light = direct(s, l, -d, specular, choice.y, light_u, random_next(draws.random));
+            if (push.punctual_count > 0u) light += punctual(s, l, -d, specular, draws.random);
+            sum += throughput * light / probability;
+        }
 
         vec3 to_eye = -d, weight;
         if (specular) {
@@ -204,7 +265,8 @@ void main() {
     }
 
     float l = luminance(sum), total = luminance(sum + seen);
-    vec4 a = imageLoad(reflected, p), b = imageLoad(other, p), k = imageLoad(albedo, p);
+    vec4 a = vec4(0.0), b = vec4(0.0), k = vec4(0.0);
+    if (push.fresh == 0u) { a = imageLoad(reflected, p); b = imageLoad(other, p); k = imageLoad(albedo, p); }
     a += same ? vec4(sum, 1.0) : vec4(0.0);
     b += vec4(same ? seen : seen + sum, same ? l * l : 0.0);
     k += vec4(same ? first_albedo : vec3(0.0), total * total);

@@ -6,7 +6,7 @@ use crate::{
     passes::view::Projection,
     reference::capture::{CaptureSettings, built_in_scene},
     renderer::RenderOptions,
-    scene::{Scene, rooms},
+    scene::{CompleteScene, Scene, rooms},
     settings::{Method, Settings},
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -107,22 +107,43 @@ impl PictureArgs {
             })?;
             settings.set(key.trim(), value.trim(), "--set")?;
         }
-        let projection = match self.projection.as_str() {
-            "perspective" => Projection::Perspective,
-            "equirect" => Projection::Equirect,
-            other => {
-                return Err(Error::input(
-                    "--projection",
-                    format!("unknown \"{other}\""),
-                    "use perspective or equirect",
-                ));
-            }
-        };
-        let size = match &self.size {
-            Some(text) => parse_size(text)?,
-            None => scene.camera.size,
-        };
+        let projection = self.projection()?;
+        let size = self.size(scene.camera.size)?;
         Ok(RenderOptions { size, method, settings, projection, seed: self.seed, without_objects: self.without_objects })
+    }
+}
+
+impl PictureArgs {
+    /// `--projection`.
+    pub fn projection(&self) -> Result<Projection> {
+        match self.projection.as_str() {
+            "perspective" => Ok(Projection::Perspective),
+            "equirect" => Ok(Projection::Equirect),
+            other => Err(Error::input("--projection", format!("unknown \"{other}\""), "use perspective or equirect")),
+        }
+    }
+
+    /// `--size`, the scene's own where it is not given.
+    pub fn size(&self, of_scene: [u32; 2]) -> Result<[u32; 2]> {
+        self.size.as_deref().map_or(Ok(of_scene), parse_size)
+    }
+
+    /// The complete true scene of a scene file that names its room, or of a built-in room.
+    pub fn complete_scene(&self) -> Result<CompleteScene> {
+        let name = self.scene.as_deref().unwrap_or(rooms::NAMES[0]);
+        let scene = match rooms::by_name(name) {
+            Some(room) => {
+                let objects = if self.without_objects { Vec::new() } else { room.objects };
+                CompleteScene::assemble(room.name, room.model, room.camera, objects)?
+            }
+            None => CompleteScene::load(Path::new(name), self.without_objects)?,
+        };
+        if !self.quiet {
+            for warning in &scene.warnings {
+                eprintln!("warning: {warning}");
+            }
+        }
+        Ok(scene)
     }
 }
 

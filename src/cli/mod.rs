@@ -2,6 +2,7 @@
 //! subcommand is a file here, a variant of [`Command`] and its arm in `run`.
 
 pub mod bench;
+pub mod capture;
 pub mod check;
 pub mod common;
 pub mod compare;
@@ -36,8 +37,10 @@ pub enum Command {
     Render(render::Args),
     /// Measure the GPU time of every pass
     Bench(bench::Args),
-    /// Render the converged picture of the method's own model
+    /// Render converged pictures: of the method's own model, or of the true scene
     Reference(reference::Args),
+    /// Path-trace the RGBD panorama of a room
+    Capture(capture::Args),
     /// Measure how far a picture is from the truth
     Compare(compare::Args),
     /// Report every problem of a scene at once
@@ -51,6 +54,7 @@ impl Command {
             Self::Render(args) => render::run(&args),
             Self::Bench(args) => bench::run(&args),
             Self::Reference(args) => reference::run(&args),
+            Self::Capture(args) => capture::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Check(args) => check::run(&args),
         }

@@ -1,11 +1,31 @@
-//! `iprt reference`: the converged picture of the method's own model.
+//! `iprt reference`: converged pictures, of the method's own model or of the complete true scene.
 
 use super::{
     common::{PictureArgs, parse_frames, progress},
     render::{Kind, check_aovs, require_folder, write},
 };
-use crate::{Error, Result, renderer::Renderer, settings::Method};
-use std::path::PathBuf;
+use crate::{
+    Error, Result,
+    gpu::Gpu,
+    image_file::{
+        ExrLayer,
+        write::{write_display, write_exr},
+    },
+    passes::view::{Projection, Viewpoint},
+    reference::{
+        path_trace::{PathSettings, PathTracer},
+        truth::{self, End, Goal, NOISE_EVERY},
+    },
+    renderer::Renderer,
+    scene::CompleteScene,
+    settings::Method,
+};
+use glam::Vec3;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::{
+    path::PathBuf,
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 /// Arguments of `iprt reference`.
 #[derive(Clone, Debug, clap::Args)]
@@ -15,12 +35,18 @@ pub struct Args {
     /// An .exr (linear) or .png
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// panorama: the method's own model, converged
+    /// panorama: the method's own model, converged; scene: the complete true scene, path-traced (needs [room])
     #[arg(long, default_value = "panorama")]
     pub model: String,
-    /// Paths a pixel
-    #[arg(long, default_value_t = 1024)]
-    pub spp: u32,
+    /// Paths a pixel, at most [default: 1024; 65536 with --until-noise]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub spp: Option<u32>,
+    /// Stop at this standard error, relative to the mean: 0.01 is 1 %
+    #[arg(long, value_name = "X")]
+    pub until_noise: Option<f64>,
+    /// Go on where an earlier run stopped, and keep the state beside the output (with --model scene)
+    #[arg(long)]
+    pub resume: bool,
     /// Which frame
     #[arg(long, default_value = "0")]
     pub frame: String,
@@ -31,34 +57,159 @@ pub struct Args {
 
 /// Accumulates and writes.
 pub fn run(args: &Args) -> Result<()> {
-    if args.model != "panorama" {
-        return Err(Error::input("--model", format!("\"{}\" is not available", args.model), "use panorama"));
-    }
     let kind = Kind::of(&args.output)?;
+    let goal = goal(args)?;
+    let [frame, _] = parse_frames(&args.frame)?;
+    match args.model.as_str() {
+        "panorama" if args.resume => {
+            Err(Error::input("--resume", "is not known to --model panorama", "leave it out, or use --model scene"))
+        }
+        "panorama" => panorama(args, kind, goal, frame),
+        "scene" => scene(args, kind, goal, frame),
+        other => Err(Error::input("--model", format!("unknown \"{other}\""), "use panorama or scene")),
+    }
+}
+
+fn goal(args: &Args) -> Result<Goal> {
+    if let Some(noise) = args.until_noise
+        && !(noise > 0.0 && noise < 1.0)
+    {
+        return Err(Error::input("--until-noise", noise, "give a share of the mean between 0 and 1, as 0.01"));
+    }
+    let samples = args.spp.unwrap_or(if args.until_noise.is_some() { 1 << 16 } else { 1024 });
+    Ok(Goal { samples, noise: args.until_noise })
+}
+
+fn panorama(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
     require_folder(&args.output)?;
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
     let mut picture = args.picture.clone();
     picture.method = Some(Method::Reference.name());
     let options = picture.options(&scene, true)?;
-    let [frame, _] = parse_frames(&args.frame)?;
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     check_aovs(&renderer, &args.aov)?;
-    let bar = progress(args.picture.quiet, u64::from(args.spp.max(1)), "converging");
-    for _ in 0..args.spp.max(1) {
+    let bar = Bar::new(args.picture.quiet, goal);
+    let mut paths = 0;
+    while paths < goal.samples {
         renderer.render(&scene, scene.panorama.frame_time(frame as usize))?;
-        bar.inc(1);
+        paths += 1;
+        let noise = paths.is_multiple_of(NOISE_EVERY).then(|| renderer.standard_error()).transpose()?;
+        bar.show(paths, noise);
+        if goal.noise.zip(noise).is_some_and(|(most, noise)| noise <= most) {
+            break;
+        }
     }
-    bar.finish_and_clear();
+    bar.0.finish_and_clear();
     write(&renderer, &scene, &args.output, kind, scene.render.exposure, &args.aov)?;
     if !args.picture.quiet {
-        println!(
-            "{}: {} paths a pixel, standard error {:.2} % of the mean",
-            args.output.display(),
-            args.spp.max(1),
-            100.0 * renderer.standard_error()?
-        );
+        println!("{}: {}", args.output.display(), so_far("paths", paths, renderer.standard_error()?));
     }
     drop(renderer);
     args.picture.device.close(gpu)
+}
+
+fn scene(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
+    for (flag, given) in [
+        ("--method", args.picture.method.is_some()),
+        ("--set", !args.picture.set.is_empty()),
+        ("--aov", !args.aov.is_empty()),
+    ] {
+        if given {
+            return Err(Error::input(
+                flag,
+                "has no meaning for --model scene",
+                "leave it out, or use --model panorama",
+            ));
+        }
+    }
+    require_folder(&args.output)?;
+    let state = truth::state_path(&args.output);
+    if !args.resume {
+        truth::require_none(&state)?;
+    }
+    let scene = args.picture.complete_scene()?;
+    let size = args.picture.size(scene.camera.size)?;
+    let gpu = args.picture.device.open()?;
+    let mut tracer = scene_tracer(args, &gpu, &scene, size, frame)?;
+    if args.resume {
+        truth::resume(&mut tracer, &state)?;
+    }
+    let bar = Bar::new(args.picture.quiet, goal);
+    let end =
+        truth::converge(&mut tracer, goal, Some(&state), interrupted(), |samples, noise| bar.show(samples, noise))?;
+    bar.0.finish_and_clear();
+
+    let sums = tracer.read()?;
+    match kind {
+        Kind::Png => write_display(&args.output, size, &sums.radiance(), scene.exposure)?,
+        Kind::Exr => write_exr(&args.output, &[ExrLayer::rgb("", size, &sums.radiance())])?,
+    }
+    let so_far = so_far("samples", sums.samples, sums.relative_noise());
+    if end == End::Interrupted {
+        return Err(Error::Interrupted {
+            subject: args.output.display().to_string(),
+            at: format!("at {so_far}"),
+            remedy: "the picture so far is there; give --resume to go on".to_owned(),
+        });
+    }
+    if args.resume {
+        truth::save(&tracer, &state)?;
+    } else {
+        truth::remove(&state);
+    }
+    if !args.picture.quiet {
+        println!("{}: {so_far}", args.output.display());
+    }
+    drop(tracer);
+    args.picture.device.close(gpu)
+}
+
+fn scene_tracer(args: &Args, gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], frame: u32) -> Result<PathTracer> {
+    let state = scene.at(scene.frame_time(frame));
+    let camera = &state.camera;
+    let viewpoint = match args.picture.projection()? {
+        Projection::Perspective => Viewpoint::perspective(Vec3::ZERO, camera.rotation, camera.fov_y_degrees, size),
+        Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, camera.rotation),
+    };
+    let settings = PathSettings::unbiased(size, args.picture.seed);
+    PathTracer::new(gpu, &scene.packed, &state.instances, camera.position, &viewpoint, &settings)
+}
+
+fn so_far(what: &str, count: u32, noise: f64) -> String {
+    format!("{count} {what} a pixel, standard error {:.2} % of the mean", 100.0 * noise)
+}
+
+/// Set by Ctrl-C and by a polite `kill`: the sample in flight is finished and what was done is kept.
+fn interrupted() -> &'static AtomicBool {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
+        tracing::warn!("Ctrl-C will not keep what was done: {error}");
+    }
+    &STOP
+}
+
+/// Progress towards a goal, with the noise so far.
+struct Bar(ProgressBar, Goal);
+
+impl Bar {
+    fn new(quiet: bool, goal: Goal) -> Self {
+        let bar = progress(quiet, goal.samples.into(), "converging");
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}") {
+            bar.set_style(style);
+        }
+        Self(bar, goal)
+    }
+
+    fn show(&self, samples: u32, noise: Option<f64>) {
+        if let Some(noise) = noise {
+            self.0.set_message(format!("noise {:.2} %", 100.0 * noise));
+            if let Some(most) = self.1.noise {
+                // errors fall as the root of the number of samples
+                let needed = f64::from(samples) * (noise / most).powi(2);
+                self.0.set_length(u64::from(self.1.samples).min(needed.ceil() as u64).max(samples.into()));
+            }
+        }
+        self.0.set_position(samples.into());
+    }
 }

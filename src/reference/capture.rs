@@ -3,7 +3,7 @@
 
 use super::{
     denoise::{self, denoise},
-    path_trace::{PathSettings, PathTracer},
+    path_trace::{PathSettings, PathTracer, hash_scene},
 };
 use crate::{
     Error, Result,
@@ -18,17 +18,9 @@ use crate::{
         source::{PanoramaFrame, PanoramaSource},
     },
     passes::view::Viewpoint,
-    scene::{
-        Scene, bvh,
-        file::RenderSettings,
-        model::Model,
-        pack::pack,
-        packed::{Instance, PackedInstances, PackedScene},
-        rooms::Room,
-    },
-    shaders,
+    scene::{CompleteScene, Scene, file::RenderSettings, packed::PackedInstances, rooms::Room},
 };
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Quat, Vec3};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
     env, fs,
@@ -64,34 +56,39 @@ impl Default for CaptureSettings {
     }
 }
 
-/// Captures a room.
+/// Captures a room as it is at a time in seconds.
 ///
 /// # Errors
-/// A model that cannot be packed, a lost device.
-pub fn capture(gpu: &Gpu, room: &Model, position: Vec3, settings: &CaptureSettings) -> Result<PanoramaFrame> {
-    let (scene, state) = pack_room(room)?;
-    trace(gpu, &scene, &state, position, settings)
+/// A room that does not fit the device, a lost device.
+pub fn capture(
+    gpu: &Gpu,
+    room: &CompleteScene,
+    time: f64,
+    position: Vec3,
+    settings: &CaptureSettings,
+) -> Result<PanoramaFrame> {
+    trace_with_bar(gpu, room, &room.at(time).instances, position, settings)
 }
 
-/// As [`capture`], kept in a folder under `cache` (see [`cache_folder`]). A file that is damaged is made again; where nothing can
-/// be written, nothing is kept.
+/// As [`capture`] at the start, kept in a folder under `cache` (see [`cache_folder`]). A file that is damaged is made again; where
+/// nothing can be written, nothing is kept.
 ///
 /// # Errors
 /// As [`capture`].
 pub fn capture_cached(
     gpu: &Gpu,
-    room: &Model,
+    room: &CompleteScene,
     position: Vec3,
     settings: &CaptureSettings,
     cache: Option<&Path>,
 ) -> Result<PanoramaFrame> {
-    let (scene, state) = pack_room(room)?;
-    let Some(cache) = cache else { return trace(gpu, &scene, &state, position, settings) };
-    let folder = cache.join(format!("capture-{}", key(&scene, &state, position, settings)));
+    let state = room.at(0.0).instances;
+    let Some(cache) = cache else { return trace_with_bar(gpu, room, &state, position, settings) };
+    let folder = cache.join(format!("capture-{}", key(room, &state, position, settings)));
     if let Some(frame) = load_cached(&folder) {
         return Ok(frame);
     }
-    let frame = trace(gpu, &scene, &state, position, settings)?;
+    let frame = trace_with_bar(gpu, room, &state, position, settings)?;
     if let Err(error) = store_cached(&folder, &frame) {
         tracing::warn!("the captured panorama is not kept: {error}");
     }
@@ -104,9 +101,71 @@ pub fn capture_cached(
 /// As [`capture`].
 pub fn built_in_scene(gpu: &Gpu, room: &Room, settings: &CaptureSettings) -> Result<Scene> {
     let cache = cache_folder();
-    let frame = capture_cached(gpu, &room.model, room.capture_position, settings, cache.as_deref())?;
+    let real = CompleteScene::assemble(room.name, room.model.clone(), room.camera.clone(), Vec::new())?;
+    let frame = capture_cached(gpu, &real, room.capture_position, settings, cache.as_deref())?;
     let panorama = PanoramaSource::from_frames(vec![frame], 30.0, room.capture_position, 0.0)?;
     Scene::assemble(room.name, panorama, room.camera.clone(), room.objects.clone(), RenderSettings::default())
+}
+
+/// Captures one frame, or a video of so many frames, into a folder: [`COLOR_FILE`] and [`DEPTH_FILE`], or numbered files. `tick`
+/// is called after each sample.
+///
+/// # Errors
+/// As [`capture`]; what cannot be written.
+pub fn capture_sequence(
+    gpu: &Gpu,
+    room: &CompleteScene,
+    position: Vec3,
+    frames: Option<u32>,
+    settings: &CaptureSettings,
+    folder: &Path,
+    mut tick: impl FnMut(),
+) -> Result<()> {
+    for index in 0..frames.unwrap_or(1) {
+        let state = room.at(room.frame_time(index)).instances;
+        // other noise in each frame, as a camera has
+        let settings = CaptureSettings { seed: settings.seed.wrapping_add(index), ..*settings };
+        let frame = trace(gpu, room, &state, position, &settings, &mut tick)?;
+        let name = |pattern: &str| match frames {
+            Some(_) => pattern.replace(".exr", &format!("_{index:04}.exr")),
+            None => pattern.to_owned(),
+        };
+        write_frame(&frame, &folder.join(name(COLOR_FILE)), &folder.join(name(DEPTH_FILE)))?;
+    }
+    Ok(())
+}
+
+/// The scene file for what [`capture_sequence`] writes into `folder`; `room` is the glTF file of the room, where there is one.
+///
+/// # Errors
+/// Paths that a scene file cannot hold.
+pub fn scene_file(folder: &Path, room: Option<&Path>, position: Vec3, frames: Option<u32>, fps: f64) -> Result<String> {
+    let (stem, sequence) = match frames {
+        Some(count) => ("_%04d", format!("frames = [0, {}]\nfps = {fps}\n", count - 1)),
+        None => ("", String::new()),
+    };
+    let name = |file: &str| file.replace(".exr", &format!("{stem}.exr"));
+    let [x, y, z] = position.to_array();
+    let mut text = format!(
+        "[panorama]\ncolor = \"{}\"\ndepth = \"{}\"\n{sequence}position = [{x}, {y}, {z}]\n",
+        name(COLOR_FILE),
+        name(DEPTH_FILE)
+    );
+    if let Some(room) = room {
+        let absolute = |path: &Path| {
+            path.canonicalize()
+                .map_err(|error| Error::input(path.display(), error.kind(), "check the name and permissions"))
+        };
+        let (folder, room) = (absolute(folder)?, absolute(room)?);
+        let relative = pathdiff::diff_paths(&room, &folder).unwrap_or(room);
+        let Some(relative) = relative.to_str() else {
+            return Err(Error::input(relative.display(), "is no Unicode text", "rename the room's file"));
+        };
+        // a scene file takes $NAME from the environment
+        let quoted = toml::Value::String(relative.replace('$', "$$"));
+        text += &format!("\n[room]\ngltf = {quoted}\n");
+    }
+    Ok(text)
 }
 
 /// Writes [`COLOR_FILE`] and [`DEPTH_FILE`] into a folder, which is made where it does not exist.
@@ -117,61 +176,45 @@ pub fn write(frame: &PanoramaFrame, folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
         Error::input(folder.display(), format!("cannot be made: {error}"), "give a folder that can be written")
     })?;
-    write_exr(&folder.join(COLOR_FILE), &[ExrLayer::rgb("", frame.color_size, &frame.radiance)])?;
-    let depth =
-        ExrLayer { name: String::new(), size: frame.depth_size, channels: vec![("Y".to_owned(), frame.depth.clone())] };
-    write_exr(&folder.join(DEPTH_FILE), &[depth])
+    write_frame(frame, &folder.join(COLOR_FILE), &folder.join(DEPTH_FILE))
 }
 
-/// The room as one instance per node with a mesh.
-fn pack_room(room: &Model) -> Result<(PackedScene, PackedInstances)> {
-    let placed: Vec<usize> = (0..room.rig.nodes.len()).filter(|node| room.rig.nodes[*node].mesh.is_some()).collect();
-    let packed = pack(&[room], placed.len())?;
-    let matrices = room.rig.node_matrices(None);
-    let mut instances = Vec::new();
-    let mut boxes = Vec::new();
-    for node in placed {
-        let mesh = room.rig.nodes[node].mesh.and_then(|mesh| packed.meshes[0].get(mesh).copied().flatten());
-        let Some(mesh) = mesh else { continue };
-        let to_world = rows(&matrices[node]);
-        instances.push(Instance {
-            object_to_world: to_world,
-            world_to_object: rows(&matrices[node].inverse()),
-            previous_object_to_world: to_world,
-            root: mesh.root,
-            id: instances.len() as u32 + 1,
-            padding: [0; 2],
-        });
-        boxes.push(mesh.bounds.transformed(&matrices[node]).padded());
-    }
-    let tree = bvh::build_top(&boxes);
-    let nodes = tree.pack(0, |first| tree.order[first as usize]);
-    Ok((packed.scene, PackedInstances { instances, nodes }))
+fn write_frame(frame: &PanoramaFrame, color: &Path, depth: &Path) -> Result<()> {
+    write_exr(color, &[ExrLayer::rgb("", frame.color_size, &frame.radiance)])?;
+    let channels = vec![("Y".to_owned(), frame.depth.clone())];
+    write_exr(depth, &[ExrLayer { name: String::new(), size: frame.depth_size, channels }])
 }
 
-fn rows(matrix: &Affine3A) -> [[f32; 4]; 3] {
-    let (linear, translation) = (matrix.matrix3, matrix.translation);
-    [0, 1, 2].map(|row| [linear.x_axis[row], linear.y_axis[row], linear.z_axis[row], translation[row]])
-}
-
-fn trace(
+fn trace_with_bar(
     gpu: &Gpu,
-    scene: &PackedScene,
+    room: &CompleteScene,
     state: &PackedInstances,
     position: Vec3,
     settings: &CaptureSettings,
 ) -> Result<PanoramaFrame> {
-    let viewpoint = Viewpoint::equirect(Vec3::ZERO, Quat::IDENTITY);
-    let path = PathSettings { size: settings.size, seed: settings.seed, bounces: 16, roulette: 3 };
-    let mut tracer = PathTracer::new(gpu, scene, state, position, &viewpoint, &path)?;
     let bar = if settings.progress { ProgressBar::new(settings.samples.into()) } else { ProgressBar::hidden() };
     let style = ProgressStyle::with_template("capturing the room {bar:30} {pos}/{len} samples, {eta} left");
     bar.set_style(style.map_err(|error| Error::Internal(error.to_string()))?);
+    let frame = trace(gpu, room, state, position, settings, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(frame)
+}
+
+fn trace(
+    gpu: &Gpu,
+    room: &CompleteScene,
+    state: &PackedInstances,
+    position: Vec3,
+    settings: &CaptureSettings,
+    mut tick: impl FnMut(),
+) -> Result<PanoramaFrame> {
+    let viewpoint = Viewpoint::equirect(Vec3::ZERO, Quat::IDENTITY);
+    let path = PathSettings::unbiased(settings.size, settings.seed);
+    let mut tracer = PathTracer::new(gpu, &room.packed, state, position, &viewpoint, &path)?;
     for _ in 0..settings.samples.max(1) {
         tracer.sample()?;
-        bar.inc(1);
+        tick();
     }
-    bar.finish_and_clear();
     let sums = tracer.read()?;
     Ok(PanoramaFrame {
         color_size: settings.size,
@@ -192,25 +235,12 @@ pub fn cache_folder() -> Option<PathBuf> {
 }
 
 /// Names everything that the result depends on.
-fn key(scene: &PackedScene, state: &PackedInstances, position: Vec3, settings: &CaptureSettings) -> String {
-    let mut hasher = blake3::Hasher::new();
-    let mut part = |bytes: &[u8]| {
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update(bytes);
-    };
-    part(bytemuck::cast_slice(&scene.triangles));
-    part(bytemuck::cast_slice(&scene.shading));
-    part(bytemuck::cast_slice(&scene.vertices));
-    part(bytemuck::cast_slice(&scene.materials));
-    part(bytemuck::cast_slice(&scene.textures));
-    part(bytemuck::cast_slice(&scene.texels));
-    part(bytemuck::cast_slice(&state.instances));
-    part(bytemuck::cast_slice(&position.to_array()));
-    part(bytemuck::cast_slice(&[settings.size[0], settings.size[1], settings.samples, settings.seed]));
-    part(&[u8::from(settings.denoise)]);
-    part(&denoise::VERSION.to_le_bytes());
-    part(bytemuck::cast_slice(shaders::PATH_TRACE));
-    part(env!("CARGO_PKG_VERSION").as_bytes());
+fn key(room: &CompleteScene, state: &PackedInstances, position: Vec3, settings: &CaptureSettings) -> String {
+    let mut hasher = hash_scene(&room.packed, state);
+    hasher.update(bytemuck::bytes_of(&position));
+    hasher.update(bytemuck::cast_slice(&[settings.size[0], settings.size[1], settings.samples, settings.seed]));
+    hasher.update(&[u8::from(settings.denoise)]);
+    hasher.update(&denoise::VERSION.to_le_bytes());
     hasher.finalize().to_hex()[..32].to_owned()
 }
 

@@ -111,7 +111,7 @@ mod tests {
         for axis in 0..3 {
             instance.object_to_world[axis][axis] = 1.0;
         }
-        (scene, PackedInstances { instances: vec![instance], nodes: Vec::new() })
+        (scene, PackedInstances { instances: vec![instance], ..Default::default() })
     }
 
     #[test]

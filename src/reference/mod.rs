@@ -4,3 +4,4 @@ pub mod capture;
 pub mod denoise;
 pub mod lights;
 pub mod path_trace;
+pub mod truth;

@@ -1,4 +1,6 @@
 //! Scene truth: a path tracer over a complete scene (`path_trace.comp`), one sample a pixel at a time.
+//!
+//! Sums do not drift: the device adds up [`BATCH`] samples in single precision, the host adds batches in double.
 
 use super::lights::{Light, light_table};
 use crate::{
@@ -11,13 +13,29 @@ use crate::{
         scene::SceneBuffers,
         view::{ViewData, Viewpoint},
     },
-    scene::packed::{PackedInstances, PackedScene},
+    scene::packed::{PackedInstances, PackedScene, Punctual},
     shaders,
 };
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Pixels of one dispatch: a fraction of a second on a CPU, so that no driver's watchdog bites and the terminal stays alive.
 const PIXELS_PER_DISPATCH: u32 = 1 << 16;
+
+/// Samples that are summed in single precision.
+pub const BATCH: u32 = 32;
+
+/// What finds the surfaces that shine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightSampling {
+    /// Points on them and the lobes' own directions, weighed against each other (Veach 1997).
+    #[default]
+    Mis,
+    /// Points on them alone, but for what mirrors show.
+    Lights,
+    /// The lobes' directions alone.
+    Lobes,
+}
 
 /// What can be chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,11 +48,26 @@ pub struct PathSettings {
     pub bounces: u32,
     /// Bounces before a path may be ended at random (Russian roulette).
     pub roulette: u32,
+    /// All three give the same picture, with other noise.
+    pub sampling: LightSampling,
+}
+
+impl PathSettings {
+    /// All bounces: Russian roulette alone ends paths.
+    pub fn unbiased(size: [u32; 2], seed: u32) -> Self {
+        Self { size, seed, bounces: u32::MAX, roulette: 3, sampling: LightSampling::Mis }
+    }
 }
 
 gpu_struct! {
-    struct Push { pub first_row: u32, pub rows: u32, pub light_count: u32, pub inverse_power: f32, pub bounces: u32, pub roulette: u32 }
+    struct Push {
+        pub first_row: u32, pub rows: u32, pub light_count: u32, pub inverse_power: f32, pub bounces: u32, pub roulette: u32,
+        pub punctual_count: u32, pub sampling: u32, pub fresh: u32,
+    }
 }
+
+/// The images that are summed over samples: the first of [`PathTracer`]'s.
+const SUMMED: usize = 3;
 
 /// Sums over samples, per pixel from the top left, as `path_trace.comp` explains them.
 #[derive(Clone, Debug, Default)]
@@ -86,9 +119,15 @@ pub struct PathTracer {
     view: ViewData,
     view_buffer: Buffer,
     lights: Buffer,
+    punctual: Buffer,
     push: Push,
+    /// Sums since the last whole batch, and what is at pixels' centres.
     images: [(&'static str, Image); 4],
+    /// Sums of whole batches; empty before the first.
+    batches: [Vec<[f64; 4]>; SUMMED],
     samples: u32,
+    /// Of the scene and of all that was chosen.
+    hash: [u8; 32],
 }
 
 impl PathTracer {
@@ -114,6 +153,8 @@ impl PathTracer {
             ));
         }
         let table = light_table(scene, state);
+        let mut punctual = state.lights.clone();
+        punctual.iter_mut().for_each(|light| light.position -= centre);
         let mut buffers = SceneBuffers::new(gpu, scene, state.instances.len())?;
         buffers.update(gpu, state.clone(), centre)?;
         let mut view =
@@ -124,6 +165,8 @@ impl PathTracer {
             inverse_power: if table.power > 0.0 { (1.0 / table.power) as f32 } else { 0.0 },
             bounces: settings.bounces,
             roulette: settings.roulette,
+            punctual_count: punctual.len() as u32,
+            sampling: settings.sampling as u32,
             ..Default::default()
         };
         let image = |name| Ok((name, gpu.image(name, size, 1, 1, Format::Rgba32f)?));
@@ -134,8 +177,16 @@ impl PathTracer {
             view,
             view_buffer: gpu.buffer("path_trace view", size_of::<ViewData>() as u64)?,
             lights: gpu.buffer_with("lights", &table.lights)?,
+            punctual: gpu.buffer_with("punctual lights", &punctual)?,
+            hash: hash_scene(scene, state)
+                .update(bytemuck::bytes_of(&centre))
+                .update(bytemuck::bytes_of(&view))
+                .update(bytemuck::bytes_of(&push))
+                .finalize()
+                .into(),
             push,
             images: [image("reflected")?, image("other")?, image("albedo")?, image("centre")?],
+            batches: Default::default(),
             samples: 0,
         })
     }
@@ -145,14 +196,20 @@ impl PathTracer {
     /// # Errors
     /// A lost device.
     pub fn sample(&mut self) -> Result<()> {
+        let fresh = u32::from(self.samples.is_multiple_of(BATCH));
+        if fresh == 1 && self.samples > 0 {
+            self.end_batch()?;
+        }
         self.view.frame = self.samples;
         self.gpu.write_buffer(&self.view_buffer, 0, &[self.view])?;
         let [width, height] = self.view.size;
         let rows = (PIXELS_PER_DISPATCH / width).next_multiple_of(8).max(8);
         for first_row in (0..height).step_by(rows as usize) {
-            let mut special = vec![("in_view", Bind::from(&self.view_buffer)), ("in_lights", Bind::from(&self.lights))];
+            let buffers =
+                [("in_view", &self.view_buffer), ("in_lights", &self.lights), ("in_punctual", &self.punctual)];
+            let mut special: Vec<_> = buffers.map(|(name, buffer)| (name, Bind::from(buffer))).into();
             special.extend(self.images.iter().map(|(name, image)| (*name, Bind::from(image))));
-            let push = Push { first_row, rows, ..self.push };
+            let push = Push { first_row, rows, fresh, ..self.push };
             let mut frame = self.gpu.frame()?;
             let threads = Threads::Size([width, rows.min(height - first_row), 1]);
             self.kernel.dispatch(&mut frame, &special, &[&self.scene.resources], &push, threads)?;
@@ -167,21 +224,114 @@ impl PathTracer {
         self.samples
     }
 
+    /// What the picture depends on, but for the number of samples: the scene and all that was chosen.
+    pub fn hash(&self) -> [u8; 32] {
+        self.hash
+    }
+
     /// Copies the sums back.
     ///
     /// # Errors
     /// A lost device.
     pub fn read(&self) -> Result<Sums> {
-        let read = |index: usize| self.gpu.read_image(&self.images[index].1, 0);
+        let sum = |index: usize| -> Result<Vec<[f32; 4]>> {
+            let mut sums = self.device_sums(index)?;
+            let batches = &self.batches[index];
+            if !batches.is_empty() {
+                let add = |(sum, batches): (&mut [f32; 4], &[f64; 4])| {
+                    *sum = std::array::from_fn(|i| (f64::from(sum[i]) + batches[i]) as f32);
+                };
+                sums.par_iter_mut().zip(batches).for_each(add);
+            }
+            Ok(sums)
+        };
         Ok(Sums {
             size: self.view.size,
             samples: self.samples,
-            reflected: read(0)?,
-            other: read(1)?,
-            albedo: read(2)?,
-            centre: read(3)?,
+            reflected: sum(0)?,
+            other: sum(1)?,
+            albedo: sum(2)?,
+            centre: self.gpu.read_image(&self.images[SUMMED].1, 0)?,
         })
     }
+
+    /// All that [`PathTracer::restore`] needs to go on as if nothing had happened.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn save(&self) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        bytes.extend(self.hash);
+        bytes.extend(self.samples.to_le_bytes());
+        for batches in &self.batches {
+            bytes.extend(bytemuck::cast_slice::<_, u8>(batches));
+        }
+        for (_, image) in &self.images {
+            bytes.extend(bytemuck::cast_slice::<[f32; 4], u8>(&self.gpu.read_image(image, 0)?));
+        }
+        Ok(bytes)
+    }
+
+    /// Goes on where another tracer of the same scene and settings was saved. False where it was of another, or where the bytes
+    /// are not what was saved; then nothing is changed.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn restore(&mut self, saved: &[u8]) -> Result<bool> {
+        let pixels = self.view.size[0] as usize * self.view.size[1] as usize;
+        let Some((hash, rest)) = saved.split_first_chunk::<32>() else { return Ok(false) };
+        let Some((samples, rest)) = rest.split_first_chunk::<4>() else { return Ok(false) };
+        let samples = u32::from_le_bytes(*samples);
+        let batches = if samples > BATCH { pixels * size_of::<[f64; 4]>() } else { 0 };
+        let image = pixels * size_of::<[f32; 4]>();
+        if *hash != self.hash || rest.len() != SUMMED * batches + self.images.len() * image {
+            return Ok(false);
+        }
+        let (sums, images) = rest.split_at(SUMMED * batches);
+        for ((_, to), bytes) in self.images.iter().zip(images.chunks_exact(image)) {
+            self.gpu.write_image(to, 0, 0, bytes)?;
+        }
+        for (index, to) in self.batches.iter_mut().enumerate() {
+            *to = sums[index * batches..][..batches].chunks_exact(32).map(bytemuck::pod_read_unaligned).collect();
+        }
+        self.samples = samples;
+        Ok(true)
+    }
+
+    fn device_sums(&self, index: usize) -> Result<Vec<[f32; 4]>> {
+        self.gpu.read_image(&self.images[index].1, 0)
+    }
+
+    fn end_batch(&mut self) -> Result<()> {
+        for index in 0..SUMMED {
+            let sums = self.device_sums(index)?;
+            let batches = &mut self.batches[index];
+            batches.resize(sums.len(), [0.0; 4]);
+            let add = |(batches, sum): (&mut [f64; 4], &[f32; 4])| (0..4).for_each(|i| batches[i] += f64::from(sum[i]));
+            batches.par_iter_mut().zip(&sums).for_each(add);
+        }
+        Ok(())
+    }
+}
+
+/// The start of a name for what is computed from a scene at one time: the scene and this code.
+pub(super) fn hash_scene(scene: &PackedScene, state: &PackedInstances) -> blake3::Hasher {
+    let mut hasher = blake3::Hasher::new();
+    let mut part = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    part(bytemuck::cast_slice(&scene.triangles));
+    part(bytemuck::cast_slice(&scene.shading));
+    part(bytemuck::cast_slice(&scene.vertices));
+    part(bytemuck::cast_slice(&scene.materials));
+    part(bytemuck::cast_slice(&scene.textures));
+    part(bytemuck::cast_slice(&scene.texels));
+    part(bytemuck::cast_slice(&state.instances));
+    part(bytemuck::cast_slice(&state.lights));
+    part(bytemuck::cast_slice(shaders::PATH_TRACE));
+    part(env!("CARGO_PKG_VERSION").as_bytes());
+    hasher
 }
 
 fn kernel(gpu: &Gpu) -> Result<Kernel> {
@@ -199,18 +349,20 @@ fn kernel(gpu: &Gpu) -> Result<Kernel> {
         ("in_texels", Read),
         ("in_energy", Read),
         ("in_lights", Read),
+        ("in_punctual", Read),
         ("reflected", ReadWrite),
         ("other", ReadWrite),
         ("albedo", ReadWrite),
         ("centre", ReadWrite),
     ];
     const STRUCTS: &[StructLayout] = &{
-        let mut structs = [struct_layout::<Light>("Light"); SCENE_STRUCTS.len() + 1];
+        let mut structs = [struct_layout::<Light>("Light"); SCENE_STRUCTS.len() + 2];
         let mut i = 0;
         while i < SCENE_STRUCTS.len() {
             structs[i] = SCENE_STRUCTS[i];
             i += 1;
         }
+        structs[i] = struct_layout::<Punctual>("Punctual");
         structs
     };
     Kernel::new::<Push>(gpu, "path_trace", shaders::PATH_TRACE, BINDINGS, STRUCTS, &[])

@@ -29,6 +29,11 @@ impl Bounds {
         size.x * size.y + size.y * size.z + size.z * size.x
     }
 
+    /// Does it hold nothing?
+    pub fn is_empty(&self) -> bool {
+        self.min.cmpgt(self.max).any()
+    }
+
     /// The middle.
     pub fn center(&self) -> Vec3 {
         0.5 * (self.min + self.max)

@@ -1,6 +1,7 @@
 //! From a scene file to a scene.
 
 use super::{
+    CompleteScene,
     fields::nearest,
     file::{self, ObjectSource, ObjectSpec, SceneFile},
     gltf,
@@ -81,6 +82,49 @@ impl Scene {
     }
 }
 
+impl CompleteScene {
+    /// Loads the room and the objects that a scene file names; the panorama's files are not looked at.
+    ///
+    /// The room's light is scaled as the panorama is, by `panorama.exposure`.
+    ///
+    /// # Errors
+    /// The first problem; a scene file that names no room.
+    pub fn load(path: &Path, without_objects: bool) -> Result<Self> {
+        let file = file::read_scene_file(path).map_err(first)?;
+        let Some(room) = &file.room else {
+            let subject = format!("{}: room.gltf", path.display());
+            let remedy = "add [room] with gltf = \"…\", the true room, or use --model panorama";
+            return Err(Error::input(subject, "is missing, so that the true scene is not known", remedy));
+        };
+        let mut loader = Loader::new(path);
+        if !room.is_file() {
+            return Err(missing(path, "room.gltf", room));
+        }
+        let mut room = Model::clone(&*loader.gltf(room)?);
+        for material in &mut room.materials {
+            material.emissive *= file.panorama.exposure;
+        }
+        for light in &mut room.lights {
+            light.intensity *= file.panorama.exposure;
+        }
+        let specs = if without_objects { &[][..] } else { &file.objects };
+        let objects = specs.iter().map(|object| loader.object(object)).collect::<Result<Vec<_>>>()?;
+        let mut scene = Self::assemble(&file.name, Arc::new(room), file.camera, objects)?;
+        scene.fps = file.panorama.fps;
+        scene.exposure = file.render.exposure;
+        let mut warnings = file.warnings;
+        warnings.extend(loader.warnings);
+        warnings.append(&mut scene.warnings);
+        scene.warnings = distinct(warnings);
+        Ok(scene)
+    }
+}
+
+fn distinct(warnings: Vec<String>) -> Vec<String> {
+    let mut seen = std::collections::HashSet::new();
+    warnings.into_iter().filter(|warning| seen.insert(warning.clone())).collect()
+}
+
 fn first(problems: Vec<Error>) -> Error {
     problems.into_iter().next().unwrap_or_else(|| Error::Internal("a refused scene file without a problem".into()))
 }
@@ -96,13 +140,15 @@ fn assemble(
     objects: Vec<Object>,
     loaded_warnings: Vec<String>,
 ) -> Result<Scene> {
+    let shining = objects.iter().filter(|object| !object.model.lights.is_empty());
+    let dark = "its KHR_lights_punctual light scene truth alone, not this picture: give it an emissive surface";
+    let dark: Vec<String> = shining.map(|object| format!("object {}: {dark}", object.name)).collect();
     let mut scene = Scene::assemble(&file.name, panorama, file.camera, objects, file.render)?;
     let mut warnings = file.warnings;
     warnings.extend(loaded_warnings);
+    warnings.extend(dark);
     warnings.append(&mut scene.warnings);
-    let mut seen = std::collections::HashSet::new();
-    warnings.retain(|warning| seen.insert(warning.clone()));
-    (scene.room, scene.warnings) = (file.room, warnings);
+    (scene.room, scene.warnings) = (file.room, distinct(warnings));
     Ok(scene)
 }
 

@@ -4,6 +4,7 @@ pub mod bounds;
 pub mod bvh;
 pub mod camera;
 pub mod clip;
+pub mod complete;
 pub mod fields;
 pub mod file;
 mod file_panorama;
@@ -14,8 +15,10 @@ pub mod mips;
 pub mod model;
 pub mod pack;
 pub mod packed;
+pub mod punctual;
 pub mod rooms;
 pub mod shapes;
 pub mod state;
 
+pub use complete::CompleteScene;
 pub use state::{Object, Scene, SceneState};

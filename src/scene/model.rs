@@ -5,6 +5,7 @@ use super::{
     animation::Transform,
     clip::Clip,
     material::{Material, Texture},
+    punctual::PunctualLight,
 };
 use glam::{Affine3A, Vec2, Vec3};
 
@@ -63,6 +64,8 @@ pub struct Model {
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
     pub rig: Rig,
+    /// Lights without a surface.
+    pub lights: Vec<PunctualLight>,
 }
 
 /// The nodes of a model and what moves them.
@@ -80,7 +83,7 @@ impl Model {
         let local = Local::Transform(Transform::IDENTITY);
         let node = Node { name: name.clone(), parent: None, local, mesh: Some(0) };
         let rig = Rig { nodes: vec![node], clips: Vec::new() };
-        Self { name, meshes: vec![mesh], materials: vec![material], textures: Vec::new(), rig }
+        Self { name, meshes: vec![mesh], materials: vec![material], textures: Vec::new(), rig, lights: Vec::new() }
     }
 }
 

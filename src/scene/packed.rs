@@ -72,6 +72,19 @@ gpu_struct! {
     }
 }
 
+gpu_struct! {
+    /// A light without a surface, world space; see [`PunctualLight`](super::punctual::PunctualLight).
+    pub struct Punctual {
+        pub position: Vec3,
+        /// 1: parallel light along `direction`, and `position` has no meaning.
+        pub directional: u32,
+        pub direction: Vec3, pub range: f32,
+        pub intensity: Vec3,
+        /// Of a cone: intensity · clamp(cos · scale + offset, 0, 1)².
+        pub cone_scale: f32, pub cone_offset: f32,
+    }
+}
+
 /// All that does not change from frame to frame, and the instances and top level that do.
 #[derive(Clone, Debug, Default)]
 pub struct PackedScene {
@@ -91,4 +104,6 @@ pub struct PackedScene {
 pub struct PackedInstances {
     pub instances: Vec<Instance>,
     pub nodes: Vec<BvhNode>,
+    /// The renderer has no use for them; scene truth does.
+    pub lights: Vec<Punctual>,
 }

@@ -9,6 +9,7 @@ use super::{
     model::{Model, Rig},
     pack::{PackedMesh, pack},
     packed::{Instance, PackedInstances, PackedScene},
+    punctual::PunctualLight,
 };
 use crate::{Result, panorama::source::PanoramaSource};
 use glam::Affine3A;
@@ -45,7 +46,7 @@ pub struct Scene {
 
 /// An object, its triangles packed.
 #[derive(Clone, Debug)]
-struct Placed {
+pub(super) struct Placed {
     name: String,
     rig: Rig,
     placement: Placement,
@@ -53,6 +54,7 @@ struct Placed {
     speed: f64,
     /// Node, its mesh, and the instance's id.
     instances: Vec<(usize, PackedMesh, u32)>,
+    lights: Vec<PunctualLight>,
 }
 
 /// A scene at one time.
@@ -74,44 +76,8 @@ impl Scene {
         objects: Vec<Object>,
         render: RenderSettings,
     ) -> Result<Self> {
-        let mut models: Vec<&Arc<Model>> = Vec::new();
-        let model_of: Vec<usize> = objects
-            .iter()
-            .map(|object| {
-                models.iter().position(|model| Arc::ptr_eq(model, &object.model)).unwrap_or_else(|| {
-                    models.push(&object.model);
-                    models.len() - 1
-                })
-            })
-            .collect();
-        let meshes_in = |object: &Object| object.model.rig.nodes.iter().filter(|node| node.mesh.is_some()).count();
-        let count = objects.iter().map(meshes_in).sum();
-        let packed = pack(&models.iter().map(|model| model.as_ref()).collect::<Vec<_>>(), count)?;
-        let mut next_id = 1;
-        let mut placed = Vec::new();
-        for (object, model) in objects.iter().zip(model_of) {
-            let meshes = &packed.meshes[model];
-            let mut instances = Vec::new();
-            for (node, mesh) in object.model.rig.nodes.iter().enumerate().filter_map(|(i, n)| Some((i, n.mesh?))) {
-                if let Some(Some(mesh)) = meshes.get(mesh) {
-                    instances.push((node, *mesh, next_id));
-                    next_id += 1;
-                }
-            }
-            placed.push(Placed {
-                name: object.name.clone(),
-                rig: object.model.rig.clone(),
-                placement: object.placement.clone(),
-                clip: object.clip.filter(|clip| *clip < object.model.rig.clips.len()),
-                speed: object.speed,
-                instances,
-            });
-        }
-        let (name, scene) = (name.to_owned(), packed.scene);
-        let mut scene =
-            Self { name, panorama, camera, packed: scene, render, room: None, warnings: packed.warnings, placed };
-        scene.warn_of_hidden();
-        Ok(scene)
+        let (packed, placed, warnings) = place(&objects)?;
+        Ok(Self { name: name.to_owned(), panorama, camera, packed, render, room: None, warnings, placed })
     }
 
     /// Camera, instances and top level at `time_seconds`; `previous_time` is that of the frame before, for motion vectors
@@ -119,31 +85,10 @@ impl Scene {
     ///
     /// An instance whose matrix cannot be inverted now is left out.
     pub fn at(&self, time_seconds: f64, previous_time: f64) -> SceneState {
-        let mut instances = Vec::new();
-        let mut boxes = Vec::new();
-        for placed in &self.placed {
-            let now = placed.matrices(time_seconds);
-            let before = if previous_time == time_seconds { now.clone() } else { placed.matrices(previous_time) };
-            for &(node, mesh, id) in &placed.instances {
-                let to_world = now[node];
-                if !is_invertible(&to_world) {
-                    continue;
-                }
-                let previous = if before[node].is_finite() { before[node] } else { to_world };
-                instances.push(Instance {
-                    object_to_world: rows(&to_world),
-                    world_to_object: rows(&to_world.inverse()),
-                    previous_object_to_world: rows(&previous),
-                    root: mesh.root,
-                    id,
-                    padding: [0; 2],
-                });
-                boxes.push(mesh.bounds.transformed(&to_world).padded());
-            }
+        SceneState {
+            camera: self.camera.at(time_seconds),
+            instances: instances_at(&self.placed, time_seconds, previous_time),
         }
-        let tree = bvh::build_top(&boxes);
-        let nodes = tree.pack(0, |first| tree.order[first as usize]);
-        SceneState { camera: self.camera.at(time_seconds), instances: PackedInstances { instances, nodes } }
     }
 
     /// How many instances there are at most; ids are 1 to this number.
@@ -159,24 +104,90 @@ impl Scene {
 
     /// The world box of all instances of object `index` at `time_seconds`, metres.
     pub fn object_bounds(&self, index: usize, time_seconds: f64) -> Bounds {
-        let Some(placed) = self.placed.get(index) else { return Bounds::EMPTY };
-        let matrices = placed.matrices(time_seconds);
-        let boxes = placed.instances.iter().map(|(node, mesh, _)| mesh.bounds.transformed(&matrices[*node]));
-        boxes.fold(Bounds::EMPTY, Bounds::union)
+        self.placed.get(index).map_or(Bounds::EMPTY, |placed| placed.bounds(time_seconds))
     }
+}
 
-    fn warn_of_hidden(&mut self) {
-        for placed in &self.placed {
-            let matrices = placed.matrices(0.0);
-            let flat = placed.instances.iter().filter(|(node, ..)| !is_invertible(&matrices[*node])).count();
-            if flat > 0 {
-                let problem = "have a matrix without inverse at the start and are not drawn";
-                self.warnings.push(format!("{}: {flat} of its instances {problem}", placed.name));
-            } else if placed.instances.is_empty() {
-                self.warnings.push(format!("{}: holds no triangles", placed.name));
+/// Packs objects; what is unusual about them is told, one line each.
+pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec<String>)> {
+    let mut models: Vec<&Arc<Model>> = Vec::new();
+    let model_of: Vec<usize> = objects
+        .iter()
+        .map(|object| {
+            models.iter().position(|model| Arc::ptr_eq(model, &object.model)).unwrap_or_else(|| {
+                models.push(&object.model);
+                models.len() - 1
+            })
+        })
+        .collect();
+    let meshes_in = |object: &Object| object.model.rig.nodes.iter().filter(|node| node.mesh.is_some()).count();
+    let count = objects.iter().map(meshes_in).sum();
+    let packed = pack(&models.iter().map(|model| model.as_ref()).collect::<Vec<_>>(), count)?;
+    let mut next_id = 1;
+    let mut placed = Vec::new();
+    for (object, model) in objects.iter().zip(model_of) {
+        let meshes = &packed.meshes[model];
+        let mut instances = Vec::new();
+        for (node, mesh) in object.model.rig.nodes.iter().enumerate().filter_map(|(i, n)| Some((i, n.mesh?))) {
+            if let Some(Some(mesh)) = meshes.get(mesh) {
+                instances.push((node, *mesh, next_id));
+                next_id += 1;
             }
         }
+        placed.push(Placed {
+            name: object.name.clone(),
+            rig: object.model.rig.clone(),
+            placement: object.placement.clone(),
+            clip: object.clip.filter(|clip| *clip < object.model.rig.clips.len()),
+            speed: object.speed,
+            instances,
+            lights: object.model.lights.clone(),
+        });
     }
+    let mut warnings = packed.warnings;
+    for placed in &placed {
+        let matrices = placed.matrices(0.0);
+        let flat = placed.instances.iter().filter(|(node, ..)| !is_invertible(&matrices[*node])).count();
+        if flat > 0 {
+            let problem = "have a matrix without inverse at the start and are not drawn";
+            warnings.push(format!("{}: {flat} of its instances {problem}", placed.name));
+        } else if placed.instances.is_empty() {
+            warnings.push(format!("{}: holds no triangles", placed.name));
+        }
+    }
+    Ok((packed.scene, placed, warnings))
+}
+
+/// Instances, their top level and lights at a time; motion is since `previous_time`. An instance whose matrix cannot be inverted
+/// now is left out.
+pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time: f64) -> PackedInstances {
+    let mut instances = Vec::new();
+    let mut boxes = Vec::new();
+    let mut lights = Vec::new();
+    for placed in objects {
+        let now = placed.matrices(time_seconds);
+        lights.extend(placed.lights.iter().map(|light| light.pack(&now[light.node])));
+        let before = if previous_time == time_seconds { now.clone() } else { placed.matrices(previous_time) };
+        for &(node, mesh, id) in &placed.instances {
+            let to_world = now[node];
+            if !is_invertible(&to_world) {
+                continue;
+            }
+            let previous = if before[node].is_finite() { before[node] } else { to_world };
+            instances.push(Instance {
+                object_to_world: rows(&to_world),
+                world_to_object: rows(&to_world.inverse()),
+                previous_object_to_world: rows(&previous),
+                root: mesh.root,
+                id,
+                padding: [0; 2],
+            });
+            boxes.push(mesh.bounds.transformed(&to_world).padded());
+        }
+    }
+    let tree = bvh::build_top(&boxes);
+    let nodes = tree.pack(0, |first| tree.order[first as usize]);
+    PackedInstances { instances, nodes, lights }
 }
 
 impl Placed {
@@ -185,6 +196,13 @@ impl Placed {
         let world = self.placement.at(time).matrix();
         let nodes = self.rig.node_matrices(self.clip.map(|clip| (clip, time * self.speed)));
         nodes.into_iter().map(|node| world * node).collect()
+    }
+
+    /// The world box of all its instances, metres.
+    pub(super) fn bounds(&self, time: f64) -> Bounds {
+        let matrices = self.matrices(time);
+        let boxes = self.instances.iter().map(|(node, mesh, _)| mesh.bounds.transformed(&matrices[*node]));
+        boxes.fold(Bounds::EMPTY, Bounds::union)
     }
 }
 

@@ -3,11 +3,12 @@
 //! Taken: triangles (lists, strips, fans; with or without indices, interleaved, sparse), normals (flat where missing),
 //! tangents (from the file, else MikkTSpace where there is a normal map), one texture coordinate set a material with
 //! KHR_texture_transform baked in, metallic–roughness materials with KHR_materials_emissive_strength, _specular and _ior,
-//! node hierarchies, rigid animation. What else a file uses is named in a warning and left out; an extension that a file
+//! node hierarchies, rigid animation, KHR_lights_punctual. What else a file uses is named in a warning and left out; an extension that a file
 //! *requires* and that is not known is an error. Nothing a file says is trusted before it is checked.
 
 mod accessor;
 mod animation;
+mod light;
 mod material;
 mod mesh;
 mod resource;
@@ -26,8 +27,13 @@ use glam::{Affine3A, Mat4, Quat, Vec3};
 use std::{collections::BTreeSet, path::Path};
 
 /// Extensions that are read.
-const SUPPORTED: [&str; 4] =
-    ["KHR_materials_emissive_strength", "KHR_materials_specular", "KHR_materials_ior", "KHR_texture_transform"];
+const SUPPORTED: [&str; 5] = [
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_specular",
+    "KHR_materials_ior",
+    "KHR_texture_transform",
+];
 
 /// Loads a `.gltf` or `.glb` file; the warnings name what was left out.
 ///
@@ -176,6 +182,7 @@ impl<'a> File<'a> {
         }
         let clips = animation::load(self, &place)?;
         model.rig = Rig { clips, ..model.rig };
+        model.lights = light::load(self, &place)?;
         Ok(model)
     }
 

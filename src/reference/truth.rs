@@ -1,0 +1,142 @@
+//! Scene truth until it has so many samples or so little noise, with what is done kept in a file beside the picture.
+//!
+//! A state holds the very sums, so that a run that was interrupted and resumed gives the same bits as one that was not. It names
+//! the scene and the settings by a hash, and holds a hash of itself.
+
+use super::path_trace::PathTracer;
+use crate::{
+    Error, Result,
+    image_file::{read::read_bytes, write::write_bytes},
+};
+use std::{
+    ffi::OsString,
+    fs,
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
+
+/// What a state starts with.
+const MAGIC: &[u8] = b"iprt scene truth 1\n";
+/// Noise is compared with the goal at multiples of so many samples, whatever the clock says: the same goal, the same bits.
+pub const NOISE_EVERY: u32 = 16;
+const SAVE_EVERY: Duration = Duration::from_secs(60);
+const SHOW_EVERY: Duration = Duration::from_secs(3);
+
+/// When a picture is done: whichever comes first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// So many samples a pixel.
+    pub samples: u32,
+    /// A standard error of so much of the mean, see [`Sums::relative_noise`](super::path_trace::Sums::relative_noise).
+    pub noise: Option<f64>,
+}
+
+/// How it ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    Reached,
+    Interrupted,
+}
+
+/// Where the state of a picture is kept.
+pub fn state_path(picture: &Path) -> PathBuf {
+    let mut name = OsString::from(picture);
+    name.push(".state");
+    name.into()
+}
+
+/// Takes samples until the goal is reached or `stop` is set. The state is written to `state` once a minute and on interruption.
+/// `progress` is told the samples so far and, every few seconds, the noise.
+///
+/// # Errors
+/// A lost device, a state that cannot be written.
+pub fn converge(
+    tracer: &mut PathTracer,
+    goal: Goal,
+    state: Option<&Path>,
+    stop: &AtomicBool,
+    mut progress: impl FnMut(u32, Option<f64>),
+) -> Result<End> {
+    let (mut saved, mut shown) = (Instant::now(), Instant::now());
+    loop {
+        let samples = tracer.samples();
+        let compare = goal.noise.filter(|_| samples > 0 && samples.is_multiple_of(NOISE_EVERY));
+        let noise = if compare.is_some() || (samples > 1 && shown.elapsed() > SHOW_EVERY) {
+            let noise = tracer.read()?.relative_noise();
+            shown = Instant::now();
+            Some(noise)
+        } else {
+            None
+        };
+        progress(samples, noise);
+        if samples >= goal.samples || compare.zip(noise).is_some_and(|(most, noise)| noise <= most) {
+            return Ok(End::Reached);
+        }
+        let interrupted = stop.load(Ordering::Relaxed);
+        if let Some(state) = state
+            && (interrupted || saved.elapsed() > SAVE_EVERY)
+        {
+            save(tracer, state)?;
+            saved = Instant::now();
+        }
+        if interrupted {
+            return Ok(End::Interrupted);
+        }
+        tracer.sample()?;
+    }
+}
+
+/// Writes the state of a picture.
+///
+/// # Errors
+/// It cannot be written; a lost device.
+pub fn save(tracer: &PathTracer, path: &Path) -> Result<()> {
+    let sums = tracer.save()?;
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(blake3::hash(&sums).as_bytes());
+    bytes.extend(sums);
+    write_bytes(path, &bytes)
+}
+
+/// Goes on from a state, if there is one.
+///
+/// # Errors
+/// A state that cannot be read, is damaged, or is of another scene or of other settings.
+pub fn resume(tracer: &mut PathTracer, path: &Path) -> Result<()> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let bytes = read_bytes(path)?;
+    let content = bytes.strip_prefix(MAGIC).and_then(|rest| rest.split_first_chunk::<32>());
+    let Some((_, sums)) = content.filter(|(hash, sums)| blake3::hash(sums) == **hash) else {
+        let problem = "is damaged, or no state of this program";
+        return Err(Error::input(path.display(), problem, "delete it to start anew"));
+    };
+    if tracer.restore(sums)? {
+        return Ok(());
+    }
+    let problem = "is the state of another scene, of other settings or of another version";
+    Err(Error::input(path.display(), problem, "give those that it was made with, or delete it to start anew"))
+}
+
+/// Demands that there is no state, so that hours of work are not lost by a forgotten flag.
+///
+/// # Errors
+/// There is one.
+pub fn require_none(path: &Path) -> Result<()> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let problem = "holds what an earlier run has done";
+    Err(Error::input(path.display(), problem, "give --resume to go on with it, or delete it to start anew"))
+}
+
+/// Removes the state of a picture that is done.
+pub fn remove(path: &Path) {
+    if path.exists()
+        && let Err(error) = fs::remove_file(path)
+    {
+        tracing::warn!("{}: cannot be removed: {error}", path.display());
+    }
+}
