@@ -69,10 +69,9 @@ fn a_closed_box_that_shines_and_reflects() {
         for albedo in [0.0, 0.3, 0.8] {
             let walls = Model::from_mesh(Shape::Box.mesh(vec3(3.0, 2.0, 4.0)), shining(albedo, 0.7));
             let view = Viewpoint::equirect(vec3(0.3, -0.2, 0.5), Quat::IDENTITY);
-            let found = mean(&trace(gpu, &scene(walls, Vec::new()), &view, &settings, 256));
+            let found = mean(&trace(gpu, &scene(walls, Vec::new()), &view, &settings, 128));
             let expected = 0.7 / (1.0 - albedo);
-            // measured: below 0.2 %
-            assert!((found / expected - 1.0).abs() < 0.005, "albedo {albedo}: {found} instead of {expected}");
+            assert!((found / expected - 1.0).abs() < 0.01, "albedo {albedo}: {found} instead of {expected}");
         }
     });
 }
@@ -146,7 +145,7 @@ fn light_sampling_lobe_sampling_and_both_agree() {
         for (other, noise) in &found[1..] {
             let (both, own) = found[0];
             let difference = (other / both - 1.0).abs();
-            assert!(difference < 4.0 * noise.hypot(own) && *noise < 0.01, "{found:?}");
+            assert!(difference < 4.0 * noise.hypot(own) && *noise < 0.02, "{found:?}");
         }
         assert!(found[0].1 < found[2].1 && found[0].1 < 1.5 * found[1].1, "both together are good at both: {found:?}");
     });

@@ -130,7 +130,7 @@ fn from_a_room_to_its_panorama_to_a_picture_to_its_truth() {
     };
     for rows in [0..16, 24..40, 48..64] {
         let ratio = mean(&view, rows.clone()) / mean(&truth, rows.clone());
-        // measured: within 0.3 %, the noise of both
+        // the noise of both
         assert!((ratio - 1.0).abs() < 0.01, "rows {rows:?}: {ratio}");
     }
     let mut left: Vec<_> = (folder.0.path().read_dir().expect("readable"))
