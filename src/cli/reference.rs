@@ -35,7 +35,7 @@ pub struct Args {
     /// An .exr (linear) or .png
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// panorama: the method's own model, converged; scene: the complete true scene, path-traced (needs [room])
+    /// panorama: the method's own model, converged; scene: the complete true scene, path-traced (needs the scene file's room.gltf)
     #[arg(long, default_value = "panorama")]
     pub model: String,
     /// Paths a pixel, at most [default: 1024; 65536 with --until-noise]
