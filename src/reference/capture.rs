@@ -82,13 +82,23 @@ pub fn capture_cached(
     settings: &CaptureSettings,
     cache: Option<&Path>,
 ) -> Result<PanoramaFrame> {
-    let state = room.at(0.0).instances;
-    let Some(cache) = cache else { return trace_with_bar(gpu, room, &state, position, settings) };
-    let folder = cache.join(format!("capture-{}", key(room, &state, position, settings)));
+    state_cached(gpu, room, &room.at(0.0).instances, position, settings, cache)
+}
+
+fn state_cached(
+    gpu: &Gpu,
+    room: &CompleteScene,
+    state: &PackedInstances,
+    position: Vec3,
+    settings: &CaptureSettings,
+    cache: Option<&Path>,
+) -> Result<PanoramaFrame> {
+    let Some(cache) = cache else { return trace_with_bar(gpu, room, state, position, settings) };
+    let folder = cache.join(format!("capture-{}", key(room, state, position, settings)));
     if let Some(frame) = load_cached(&folder) {
         return Ok(frame);
     }
-    let frame = trace_with_bar(gpu, room, &state, position, settings)?;
+    let frame = trace_with_bar(gpu, room, state, position, settings)?;
     if let Err(error) = store_cached(&folder, &frame) {
         tracing::warn!("the captured panorama is not kept: {error}");
     }
@@ -101,10 +111,43 @@ pub fn capture_cached(
 /// As [`capture`].
 pub fn built_in_scene(gpu: &Gpu, room: &Room, settings: &CaptureSettings) -> Result<Scene> {
     let cache = cache_folder();
-    let real = CompleteScene::assemble(room.name, room.model.clone(), room.camera.clone(), Vec::new())?;
-    let frame = capture_cached(gpu, &real, room.capture_position, settings, cache.as_deref())?;
-    let panorama = PanoramaSource::from_frames(vec![frame], 30.0, room.capture_position, 0.0)?;
+    let frames = room_frames(gpu, room, settings, cache.as_deref())?;
+    let fps = room.video.map_or(30.0, |video| video.fps);
+    let panorama = PanoramaSource::from_frames(frames, fps, room.capture_position, 0.0)?;
     Scene::assemble(room.name, panorama, room.camera.clone(), room.objects.clone(), RenderSettings::default())
+}
+
+/// The frames of a built-in room's panorama: one, or those of its video at the video's size. Frames in which the room is the same
+/// are captured once.
+///
+/// # Errors
+/// As [`capture`].
+pub fn room_frames(
+    gpu: &Gpu,
+    room: &Room,
+    settings: &CaptureSettings,
+    cache: Option<&Path>,
+) -> Result<Vec<PanoramaFrame>> {
+    let (real, position) = (
+        CompleteScene::assemble(room.name, room.model.clone(), room.camera.clone(), Vec::new())?,
+        room.capture_position,
+    );
+    let Some(video) = room.video else {
+        return Ok(vec![capture_cached(gpu, &real, position, settings, cache)?]);
+    };
+    let samples = settings.samples.min(video.samples);
+    let settings = CaptureSettings { size: video.size, samples, ..*settings };
+    let mut frames: Vec<(String, PanoramaFrame)> = Vec::new();
+    for index in 0..video.frames {
+        let state = real.at(f64::from(index) / video.fps).instances;
+        let name = key(&real, &state, position, &settings);
+        let frame = match frames.iter().find(|(known, _)| *known == name) {
+            Some((_, frame)) => frame.clone(),
+            None => state_cached(gpu, &real, &state, position, &settings, cache)?,
+        };
+        frames.push((name, frame));
+    }
+    Ok(frames.into_iter().map(|(_, frame)| frame).collect())
 }
 
 /// Captures one frame, or a video of so many frames, into a folder: [`COLOR_FILE`] and [`DEPTH_FILE`], or numbered files. `tick`

@@ -68,6 +68,21 @@ impl Material {
         Self { name: name.to_owned(), base_color, metallic: 0.0, roughness, ..Self::default() }
     }
 
+    /// The same material where texture `i` is number `first + i`.
+    pub fn with_textures_from(mut self, first: usize) -> Self {
+        for texture in [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.normal_texture,
+            &mut self.emissive_texture,
+            &mut self.specular_texture,
+            &mut self.specular_color_texture,
+        ] {
+            *texture = texture.map(|index| index + first);
+        }
+        self
+    }
+
     /// As the shaders read it; texture `i` of the model is texture `first_texture + i` of the scene.
     pub fn pack(&self, first_texture: u32) -> packed::Material {
         let texture = |index: Option<usize>| index.map_or(packed::NONE, |index| first_texture + index as u32);

@@ -87,6 +87,27 @@ impl Model {
     }
 }
 
+impl Model {
+    /// Adds another model's only mesh as a node of its own at `at`, with its materials and textures, and returns the node's index.
+    pub fn add(&mut self, other: Self, at: Transform) -> usize {
+        let (first_material, first_texture) = (self.materials.len() as u32, self.textures.len());
+        let node = self.rig.nodes.len();
+        for mut mesh in other.meshes.into_iter().take(1) {
+            mesh.materials.iter_mut().for_each(|material| *material += first_material);
+            self.rig.nodes.push(Node {
+                name: other.name.clone(),
+                parent: None,
+                local: Local::Transform(at),
+                mesh: Some(self.meshes.len()),
+            });
+            self.meshes.push(mesh);
+        }
+        self.materials.extend(other.materials.into_iter().map(|material| material.with_textures_from(first_texture)));
+        self.textures.extend(other.textures);
+        node
+    }
+}
+
 impl Rig {
     /// Node-to-model matrices, with `clip` played at `time` seconds where one is given.
     pub fn node_matrices(&self, clip: Option<(usize, f64)>) -> Vec<Affine3A> {

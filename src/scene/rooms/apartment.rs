@@ -3,7 +3,8 @@
 //! Plan (metres, origin below the capture point): x from −2.4 (window) to 2.6 (bookcase), z from −3 (sofa) to 1.5 (door).
 
 use super::furniture::{self, Upholstery, place};
-use super::kit::{Builder, Part, block, quad};
+use super::kit::{Builder, block};
+use super::shell::{Opening, Shell};
 use super::{Room, objects, textures};
 use crate::scene::animation::Track;
 use crate::scene::camera::{Aim, CameraTrack};
@@ -12,8 +13,7 @@ use std::sync::Arc;
 
 const MIN: Vec3 = vec3(-2.4, 0.0, -3.0);
 const MAX: Vec3 = vec3(2.6, 2.7, 1.5);
-/// The window's opening in the wall x = −2.4: z and y ranges.
-const WINDOW: [Vec2; 2] = [vec2(-2.05, 0.82), vec2(-0.15, 2.28)];
+const WINDOW: Opening = Opening { low: vec2(-2.05, 0.82), high: vec2(-0.15, 2.28), depth: 0.24 };
 
 /// The room, its virtual objects and the view on them.
 pub fn apartment() -> Room {
@@ -26,6 +26,7 @@ pub fn apartment() -> Room {
         name: "apartment",
         model: Arc::new(b.model("apartment")),
         capture_position,
+        video: None,
         objects: objects::apartment(),
         camera: CameraTrack {
             aim: Aim::LookAt(Track::constant(vec3(-0.02, 0.68, -1.9))),
@@ -37,68 +38,27 @@ pub fn apartment() -> Room {
 
 /// Floor, ceiling, walls with the window's opening, skirting and cornice.
 fn shell(b: &mut Builder) {
-    let size = MAX - MIN;
-    let (x, y, z) = (size * Vec3::X, size * Vec3::Y, size * Vec3::Z);
     let floor = b.painted("floor", textures::planks());
-    b.add(quad(MIN + z, x, -z).uv_scaled(Vec2::splat(1.0 / 2.4)), Affine3A::IDENTITY, floor);
     let ceiling = b.paint("ceiling", [0.80, 0.80, 0.78]);
-    b.add(quad(MIN + y, x, z), Affine3A::IDENTITY, ceiling);
     let wall = b.paint("wall", [0.66, 0.63, 0.57]);
     let accent = b.paint("accent wall", [0.30, 0.41, 0.42]);
-    b.add(quad(MIN, x, y), Affine3A::IDENTITY, accent);
-    b.add(quad(MIN + x + z, -x, y), Affine3A::IDENTITY, wall);
-    b.add(quad(MIN + x, z, y), Affine3A::IDENTITY, wall);
-    // The window's wall: a 3 × 3 grid without its middle, so that no edge ends within another.
-    let (zs, ys) = ([MIN.z, WINDOW[0].x, WINDOW[1].x, MAX.z], [MIN.y, WINDOW[0].y, WINDOW[1].y, MAX.y]);
-    for i in 0..3 {
-        for j in 0..3 {
-            if (i, j) != (1, 1) {
-                let corner = vec3(MIN.x, ys[j], zs[i + 1]);
-                b.add(
-                    quad(corner, Vec3::NEG_Z * (zs[i + 1] - zs[i]), Vec3::Y * (ys[j + 1] - ys[j])),
-                    Affine3A::IDENTITY,
-                    wall,
-                );
-            }
-        }
-    }
     let trim = b.paint("trim", [0.76, 0.76, 0.73]);
-    let around = |y0: f32, y1: f32, t: f32| -> Part {
-        let sink = 0.005;
-        [
-            block(vec3(MIN.x - sink, y0, MIN.z - sink), vec3(MAX.x + sink, y1, MIN.z + t)),
-            block(vec3(MIN.x - sink, y0, MAX.z - t), vec3(MAX.x + sink, y1, MAX.z + sink)),
-            block(vec3(MIN.x - sink, y0, MIN.z + t), vec3(MIN.x + t, y1, MAX.z - t)),
-            block(vec3(MAX.x - t, y0, MIN.z + t), vec3(MAX.x + sink, y1, MAX.z - t)),
-        ]
-        .into_iter()
-        .fold(Part::default(), Part::and)
-    };
-    b.add(around(-0.005, 0.085, 0.014), Affine3A::IDENTITY, trim);
-    b.add(around(2.62, 2.705, 0.05), Affine3A::IDENTITY, trim);
+    Shell { min: MIN, max: MAX, floor, ceiling, walls: [accent, wall, wall, wall], trim, window: Some(WINDOW) }.build(
+        b,
+        Vec2::splat(1.0 / 2.4),
+        Vec2::ONE,
+    );
 }
 
 /// Reveal, frame, mullions, sill, and the bright outside.
 fn window(b: &mut Builder) {
-    let [low, high] = WINDOW;
-    let (depth, out) = (0.24, MIN.x - 0.24);
+    let Opening { low, high, .. } = WINDOW;
     let reveal = b.paint("reveal", [0.74, 0.74, 0.72]);
-    let (w, h) = (Vec3::Z * (high.x - low.x), Vec3::Y * (high.y - low.y));
-    let inward = Vec3::X * depth;
-    let corner = vec3(out, low.y, low.x);
-    b.add(quad(corner + w, inward, -w), Affine3A::IDENTITY, reveal); // bottom, facing up
-    b.add(quad(corner + h, inward, w), Affine3A::IDENTITY, reveal); // top, facing down
-    b.add(quad(corner, inward, h), Affine3A::IDENTITY, reveal); // z low, facing +z
-    b.add(quad(corner + w + inward, -inward, h), Affine3A::IDENTITY, reveal);
     // Above the horizon the sky, below it the sunlit street.
     let sky = b.light("sky", [6.6, 8.0, 9.8]);
     let haze = b.light("haze", [7.6, 8.0, 8.2]);
     let street = b.light("street", [3.4, 3.3, 2.9]);
-    let mut from = 0.0;
-    for (share, light) in [(0.30, street), (0.42, haze), (1.0, sky)] {
-        b.add(quad(corner + w + h * from, -w, h * (share - from)), Affine3A::IDENTITY, light);
-        from = share;
-    }
+    WINDOW.reveal(b, MIN.x, reveal, &[(0.30, street), (0.42, haze), (1.0, sky)]);
     let frame = b.paint("window frame", [0.78, 0.78, 0.76]);
     let x = MIN.x - 0.15;
     let bar = |z0: f32, z1: f32, y0: f32, y1: f32, t: f32| block(vec3(x - t, y0, z0), vec3(x + t, y1, z1));

@@ -10,17 +10,18 @@ pub fn place(x: f32, y: f32, z: f32, turn: f32) -> Affine3A {
     Affine3A::from_rotation_translation(Quat::from_rotation_y(turn.to_radians()), vec3(x, y, z))
 }
 
-fn lifted(y: f32) -> Affine3A {
+/// Raised by `y` metres.
+pub fn lifted(y: f32) -> Affine3A {
     Affine3A::from_translation(Vec3::Y * y)
 }
 
 /// A block about `centre`.
-fn centred(centre: Vec3, size: Vec3) -> Part {
+pub fn centred(centre: Vec3, size: Vec3) -> Part {
     block(centre - size * 0.5, centre + size * 0.5)
 }
 
 /// Four tapered feet at (±x, ±z), up to `height`.
-fn feet(x: f32, z: f32, height: f32, radius: f32) -> Part {
+pub fn feet(x: f32, z: f32, height: f32, radius: f32) -> Part {
     let foot = lathe(&[vec2(0.0, -0.005), vec2(radius * 0.6, -0.005), vec2(radius, height), vec2(0.0, height)], 10);
     [(x, z), (-x, z), (x, -z), (-x, -z)]
         .into_iter()

@@ -1,7 +1,8 @@
-//! The virtual objects of the built-in rooms.
+//! The virtual objects of the apartment, which other rooms use too, and how objects move.
 
 use super::kit::{Builder, lathe, rounded_block, sphere, tube};
 use super::textures;
+use super::things;
 use crate::scene::Object;
 use crate::scene::animation::{Placement, Track, Transform};
 use crate::scene::material::Material;
@@ -10,9 +11,10 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 
 /// Seconds after which the motion of the built-in scenes repeats.
-const PERIOD: f64 = 4.0;
+pub const PERIOD: f64 = 4.0;
 
-fn object(name: &str, b: Builder, translation: Vec3, turn: f32) -> Object {
+/// Stands at `translation`, turned about +Y by degrees.
+pub fn object(name: &str, b: Builder, translation: Vec3, turn: f32) -> Object {
     let rotation = Quat::from_rotation_y(turn.to_radians());
     Object {
         name: name.into(),
@@ -23,11 +25,26 @@ fn object(name: &str, b: Builder, translation: Vec3, turn: f32) -> Object {
     }
 }
 
-fn metal(name: &str, color: [f32; 3], roughness: f32) -> Material {
+/// Objects that stand still, turned otherwise.
+pub trait Turned {
+    /// The same object with this rotation.
+    fn turned(self, rotation: Quat) -> Self;
+}
+
+impl Turned for Object {
+    fn turned(mut self, rotation: Quat) -> Self {
+        self.placement.rotation = Track::constant(rotation);
+        self
+    }
+}
+
+/// A metal of one colour.
+pub fn metal(name: &str, color: [f32; 3], roughness: f32) -> Material {
     Material { metallic: 1.0, ..Material::plain(name, color.into(), roughness) }
 }
 
-fn glossy(name: &str, color: [f32; 3], roughness: f32) -> Material {
+/// A coated dielectric of one colour.
+pub fn glossy(name: &str, color: [f32; 3], roughness: f32) -> Material {
     Material::plain(name, color.into(), roughness)
 }
 
@@ -39,11 +56,20 @@ pub fn apartment() -> Vec<Object> {
         object("mirror-ball", mirror_ball(), vec3(1.0, 0.1802, -1.62), 0.0),
         object("vase", brass_vase(), vec3(-0.16, 0.4202, -1.46), 0.0),
         object("mug", mug(), vec3(0.13, 0.4202, -1.30), -50.0),
-        Object { placement: flight(), ..object("plane", plane(), Vec3::ZERO, 0.0) },
+        object("lantern", things::lantern(), vec3(-1.05, 0.4552, -1.75), 15.0),
+        object("bottle", things::bottle(), vec3(-0.01, 0.4202, -1.60), 0.0),
+        object("teapot", things::teapot([0.62, 0.58, 0.50]), vec3(0.42, 0.4202, -1.27), 200.0),
+        object("pillow", things::pillow(vec3(0.05, 0.16, 0.20), vec3(0.70, 0.64, 0.52)), vec3(0.58, 0.70, -2.40), 0.0)
+            .turned(Quat::from_rotation_y(-0.12) * Quat::from_rotation_x(-0.42)),
+        Object {
+            placement: fly(vec3(0.15, 1.12, -1.72), vec3(0.72, 0.12, 0.52)),
+            ..object("plane", plane(), Vec3::ZERO, 0.0)
+        },
     ]
 }
 
-fn ball() -> Builder {
+/// A basketball about the origin.
+pub fn ball() -> Builder {
     let mut b = Builder::default();
     let skin = b.painted("basketball", textures::basketball());
     let tilt = Affine3A::from_quat(Quat::from_euler(EulerRot::XYZ, 0.5, 0.3, 0.35));
@@ -51,7 +77,8 @@ fn ball() -> Builder {
     b
 }
 
-fn mirror_ball() -> Builder {
+/// A perfect mirror, 0.34 m across, about the origin.
+pub fn mirror_ball() -> Builder {
     let mut b = Builder::default();
     let mirror = b.material(metal("mirror", [0.95, 0.95, 0.95], 0.0));
     b.add(sphere(0.17, 72), Affine3A::IDENTITY, mirror);
@@ -59,7 +86,7 @@ fn mirror_ball() -> Builder {
 }
 
 /// A rough brass vase, 0.27 m tall, open at the top.
-fn brass_vase() -> Builder {
+pub fn brass_vase() -> Builder {
     let mut b = Builder::default();
     let brass = b.material(metal("brass", [0.91, 0.68, 0.33], 0.32));
     let outside =
@@ -76,7 +103,7 @@ fn brass_vase() -> Builder {
 }
 
 /// A glazed mug with a handle, 0.1 m tall.
-fn mug() -> Builder {
+pub fn mug() -> Builder {
     let mut b = Builder::default();
     let glaze = b.material(glossy("teal glaze", [0.02, 0.22, 0.25], 0.12));
     let profile = [
@@ -107,7 +134,7 @@ fn mug() -> Builder {
 }
 
 /// A wooden stool, seat at 0.46 m, on four splayed legs with rungs.
-fn stool() -> Builder {
+pub fn stool() -> Builder {
     let mut b = Builder::default();
     let wood = textures::wood(vec3(0.30, 0.13, 0.05), vec3(0.50, 0.26, 0.11), 23);
     let wood = b.textured(glossy("varnished wood", [1.0; 3], 0.45), wood);
@@ -136,7 +163,7 @@ fn stool() -> Builder {
 }
 
 /// A toy plane, 0.34 m long, nose towards −Z.
-fn plane() -> Builder {
+pub fn plane() -> Builder {
     let mut b = Builder::default();
     let red = b.material(glossy("red lacquer", [0.55, 0.035, 0.025], 0.35));
     let cream = b.material(glossy("cream lacquer", [0.75, 0.68, 0.50], 0.35));
@@ -165,14 +192,14 @@ fn plane() -> Builder {
     b
 }
 
-/// One round above the coffee table, banked into the turn.
-fn flight() -> Placement {
+/// One round of a lying ellipse about `centre`, banked into the turn; `reach` is how far along x, y (up and down twice) and z.
+pub fn fly(centre: Vec3, reach: Vec3) -> Placement {
     const KEYS: usize = 24;
     let at = |i: usize| {
         let (sin, cos) = (TAU * i as f32 / KEYS as f32 + 0.9).sin_cos();
         let sway = 2.0 * sin * cos; // of twice the angle
-        let position = vec3(0.15 + 0.72 * cos, 1.12 + 0.12 * sway, -1.72 - 0.52 * sin);
-        let velocity = vec3(-0.72 * sin, 0.24 * (cos * cos - sin * sin), -0.52 * cos);
+        let position = centre + reach * vec3(cos, sway, -sin);
+        let velocity = reach * vec3(-sin, 2.0 * (cos * cos - sin * sin), -cos);
         let yaw = f32::atan2(-velocity.x, -velocity.z);
         let pitch = (velocity.y / velocity.length()).asin();
         (position, Quat::from_euler(EulerRot::YXZ, yaw, pitch, 0.45))

@@ -172,3 +172,109 @@ pub fn basketball() -> Texture {
         vec3(0.03, 0.025, 0.02).lerp(skin, smoothstep(0.018, 0.03, line))
     })
 }
+
+/// Old dark boards running along u, for a floor tile of 1.8 m × 1.8 m.
+pub fn dark_planks() -> Texture {
+    painted([768, 768], |uv| {
+        let row = (uv.y * 12.0).floor();
+        let along = (uv.x + hash(row as i32, 0, 71)) * 2.0;
+        let tone = hash(row as i32, (along.floor() as i32).rem_euclid(2), 72);
+        let grain = clouds(vec2(uv.x + tone, uv.y), [6, 144], 73);
+        let base = vec3(0.15, 0.078, 0.038).lerp(vec3(0.29, 0.165, 0.085), tone);
+        let edge = (uv.y * 12.0).fract().min(1.0 - (uv.y * 12.0).fract()) * 0.15; // metres to the joint
+        let end = along.fract().min(1.0 - along.fract()) * 0.9;
+        base * (0.65 + 0.6 * grain) * (0.25 + 0.75 * smoothstep(0.001, 0.006, edge.min(end)))
+    })
+}
+
+/// Wallpaper with rows of leaves on a muted ground, for a tile of 1.2 m × 1.2 m.
+pub fn wallpaper() -> Texture {
+    painted([512, 512], |uv| {
+        let (ground, leaf, vein) = (vec3(0.36, 0.34, 0.27), vec3(0.17, 0.22, 0.15), vec3(0.50, 0.44, 0.28));
+        let cell = uv * 6.0;
+        let row = cell.y.floor();
+        let q = vec2((cell.x + 0.5 * (row as i32 % 2) as f32).fract() - 0.5, cell.y.fract() - 0.5);
+        let stem = (q.x - 0.05 * (q.y * TAU).sin()).abs();
+        let blades = [(-1.0, 0.12), (1.0, -0.1), (-1.0, -0.28), (1.0, 0.3)].iter().any(|&(side, y): &(f32, f32)| {
+            let p = vec2(q.x * side - 0.13, q.y - y - 0.35 * (q.x * side - 0.05));
+            (p.x / 0.13).powi(2) + (p.y / 0.055).powi(2) < 1.0
+        });
+        let color = if stem < 0.014 {
+            vein
+        } else if blades {
+            leaf
+        } else {
+            ground
+        };
+        color * (0.85 + 0.3 * clouds(uv, [64, 64], 74))
+    })
+}
+
+/// Striped cotton, stripes along v.
+pub fn stripes(dark: Vec3, light: Vec3, seed: u32) -> Texture {
+    painted([256, 256], |uv| {
+        let t = (uv.x * 4.0).fract();
+        let stripe = if t < 0.34 || (0.46..0.52).contains(&t) || (0.82..0.88).contains(&t) { dark } else { light };
+        let weave = 0.5 + 0.25 * ((uv.x * 64.0 * TAU).sin() + (uv.y * 64.0 * TAU).sin());
+        stripe * (0.76 + 0.18 * weave + 0.2 * clouds(uv, [24, 24], seed))
+    })
+}
+
+/// Concrete cast in slabs of 1.6 m, for a tile of 3.2 m × 3.2 m.
+pub fn concrete() -> Texture {
+    painted([1024, 1024], |uv| {
+        let slab = uv * 2.0;
+        let tone = hash(slab.x.floor() as i32, slab.y.floor() as i32, 81);
+        let stain = clouds(uv, [5, 5], 82);
+        let grit = clouds(uv, [160, 160], 83);
+        let edge = slab.fract().min(Vec2::ONE - slab.fract()).min_element() * 1.6; // metres to the joint
+        let base = vec3(0.33, 0.325, 0.315) * (0.72 + 0.14 * tone + 0.36 * stain + 0.16 * grit);
+        base * (0.35 + 0.65 * smoothstep(0.002, 0.007, edge))
+    })
+}
+
+/// Plaster with faint strokes.
+pub fn plaster(color: Vec3, seed: u32) -> Texture {
+    painted([256, 256], |uv| color * (0.93 + 0.08 * clouds(uv, [4, 10], seed) + 0.05 * clouds(uv, [48, 32], seed + 9)))
+}
+
+/// Large abstract paintings: 0 waves, 1 a grid of colours, 2 arcs, 3 slanted bands, 4 rings.
+pub fn painting(kind: u32) -> Texture {
+    const INKS: [Vec3; 6] = [
+        vec3(0.72, 0.10, 0.05),
+        vec3(0.04, 0.13, 0.36),
+        vec3(0.80, 0.56, 0.08),
+        vec3(0.74, 0.70, 0.60),
+        vec3(0.03, 0.03, 0.04),
+        vec3(0.06, 0.34, 0.26),
+    ];
+    let brush = move |uv: Vec2| 0.78 + 0.36 * clouds(uv, [14, 60], 91 + kind);
+    painted([384, 384], move |uv| {
+        let ink = match kind {
+            0 => {
+                let y = uv.y * 7.0 + 0.5 * (uv.x * 7.0).sin() + 0.25 * (uv.x * 17.0 + 2.0).sin();
+                [3, 1, 5, 1, 3, 2, 0, 4][(y.floor() as i32).rem_euclid(8) as usize]
+            }
+            1 => {
+                let (x, y) = (uv.x * 5.0, uv.y * 4.0);
+                let line = x.fract().min(y.fract());
+                let pick = hash(x.floor() as i32, y.floor() as i32, 92);
+                if line < 0.05 { 4 } else { [3, 3, 0, 1, 2, 5][(pick * 6.0) as usize % 6] }
+            }
+            2 => {
+                let near = [(0.2, 1.0, 0), (0.75, 1.0, 1), (0.5, 0.1, 2)];
+                let arcs = near.iter().find_map(|&(x, y, ink)| {
+                    let r = uv.distance(vec2(x, y)) * 9.0;
+                    (r < 4.4 && r.fract() < 0.6).then_some(ink)
+                });
+                arcs.unwrap_or(3)
+            }
+            3 => [0, 3, 4, 2, 3, 1][(((uv.x + 0.7 * uv.y) * 6.0).floor() as i32).rem_euclid(6) as usize],
+            _ => {
+                let r = (uv.distance(vec2(0.42, 0.45)) * 9.0).min(uv.distance(vec2(0.7, 0.8)) * 11.0 + 1.0);
+                [2, 4, 5, 3, 1, 0][(r.floor() as i32).rem_euclid(6) as usize]
+            }
+        };
+        INKS[ink] * brush(uv)
+    })
+}
