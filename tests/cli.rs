@@ -100,6 +100,12 @@ fn what_the_user_got_wrong_is_told_in_one_line() {
         ("bench scene.toml --json missing/b.json", &["missing/b.json"]),
         ("bench scene.toml --frames x", &["--frames"]),
         ("check nowhere.toml", &["nowhere.toml"]),
+        ("masks nowhere.toml -o m", &["nowhere.toml"]),
+        ("masks scene.toml -o m --without-objects", &["--without-objects"]),
+        ("masks scene.toml -o m --frame 0..2", &["--frame", "0..2"]),
+        ("masks scene.toml -o room.png", &["room.png"]),
+        ("scene export attic -o m", &["attic", "apartment, bedroom, gallery"]),
+        ("scene export bedroom -o .", &["empty"]),
     ] {
         folder.fails(arguments, 2, words);
     }
@@ -267,4 +273,26 @@ fn check_reports_every_problem() {
     folder.write("broken.toml", "[panorama\ncolor = 3");
     folder.fails("check broken.toml", 2, &["broken.toml"]);
     folder.fails("render bad.toml -o a.png", 2, &["lost.glb"]);
+}
+
+#[test]
+fn masks_tell_objects_and_their_influence_apart() {
+    let folder = Folder::new();
+    let printed = folder.succeeds("masks scene.toml -o out/masks --spp 16 --size 64x48");
+    assert!(printed.contains("virtual.png") && printed.contains("influenced.png"), "{printed}");
+    let mask = |name: &str| {
+        let picture = image::open(folder.path("out/masks").join(name)).expect("a PNG").to_luma8();
+        assert_eq!((picture.width(), picture.height()), (64, 48));
+        assert!(picture.pixels().all(|p| p.0[0] == 0 || p.0[0] == 255));
+        picture
+    };
+    let (hidden, influenced) = (mask("virtual.png"), mask("influenced.png"));
+    let inside = |picture: &image::GrayImage| picture.pixels().filter(|p| p.0[0] == 255).count() as f64;
+    // A ball 0.6 m across, 1.513 m away: a disc whose angle's tangent is 0.2023, fov_y 60° over 48 pixels; it lies 7.5° down.
+    let disc = std::f64::consts::PI * (0.2023 * 24.0 / 30.0_f64.to_radians().tan()).powi(2);
+    assert!((inside(&hidden) / disc - 1.0).abs() < 0.08, "{} pixels, not {disc}", inside(&hidden));
+    assert!(hidden.get_pixel(32, 29).0[0] == 255 && hidden.get_pixel(2, 2).0[0] == 0);
+    let both = hidden.pixels().zip(influenced.pixels()).filter(|(a, b)| a.0[0] == 255 && b.0[0] == 255).count();
+    assert_eq!(both, 0);
+    assert!(inside(&influenced) > 20.0, "at least the ring about the ball: {}", inside(&influenced));
 }

@@ -7,8 +7,10 @@ pub mod check;
 pub mod common;
 pub mod compare;
 pub mod devices;
+pub mod masks;
 pub mod reference;
 pub mod render;
+pub mod scene;
 
 use std::io::{self, Write};
 
@@ -43,8 +45,13 @@ pub enum Command {
     Capture(capture::Args),
     /// Measure how far a picture is from the truth
     Compare(compare::Args),
+    /// Write which pixels show objects, and which they influence
+    Masks(masks::Args),
     /// Report every problem of a scene at once
     Check(check::Args),
+    /// Built-in rooms as files
+    #[command(subcommand)]
+    Scene(scene::Command),
 }
 
 impl Command {
@@ -56,7 +63,9 @@ impl Command {
             Self::Reference(args) => reference::run(&args),
             Self::Capture(args) => capture::run(&args),
             Self::Compare(args) => compare::run(&args),
+            Self::Masks(args) => masks::run(&args),
             Self::Check(args) => check::run(&args),
+            Self::Scene(command) => scene::run(&command),
         }
     }
 }

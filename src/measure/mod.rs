@@ -3,3 +3,4 @@
 pub mod bench;
 pub mod metrics;
 pub mod rays;
+pub mod regions;

@@ -55,6 +55,11 @@ impl<T: Interpolate> Track<T> {
         self.rest.is_empty()
     }
 
+    /// All key frames by time, at least one; a constant's is at 0.
+    pub fn keys(&self) -> impl Iterator<Item = (f64, T)> {
+        std::iter::once((self.start, self.first)).chain(self.rest.iter().copied())
+    }
+
     /// The value at `time` seconds.
     pub fn at(&self, time: f64) -> T {
         let (mut before_time, mut before) = (self.start, self.first);

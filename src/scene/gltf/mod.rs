@@ -8,6 +8,7 @@
 
 mod accessor;
 mod animation;
+pub mod export;
 mod light;
 mod material;
 mod mesh;
