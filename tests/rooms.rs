@@ -13,7 +13,7 @@ use iprt::{
     passes::view::{Projection, Viewpoint},
     reference::{
         capture::{CaptureSettings, room_frames},
-        path_trace::{PathSettings, PathTracer},
+        path_trace::{LightSampling, PathSettings, PathTracer},
     },
     renderer::{RenderOptions, Renderer},
     scene::{
@@ -77,7 +77,7 @@ fn a_patch_path_traced_again_has_the_captures_values() {
             // A whole panorama again, coarser, whose texels are the patches: its box filter is their mean.
             let (blocks, seed) = ([16, 16], 77);
             let viewpoint = Viewpoint::equirect(Vec3::ZERO, glam::Quat::IDENTITY);
-            let path = PathSettings { size: blocks, seed, bounces: 16, roulette: 3 };
+            let path = PathSettings { size: blocks, seed, bounces: 16, roulette: 3, sampling: LightSampling::Mis };
             let mut tracer =
                 PathTracer::new(gpu, &scene.packed, &state.instances, room.capture_position, &viewpoint, &path)
                     .expect("fits");

@@ -340,7 +340,7 @@ impl Writer {
         let used = |wanted: fn(&extension::Material) -> bool| {
             self.root.materials.iter().filter_map(|material| material.extensions.as_ref()).any(wanted)
         };
-        let [strength, specular, ior, _] = SUPPORTED;
+        let [_, strength, specular, ior, _] = SUPPORTED;
         let uses = [
             (strength, used(|material| material.emissive_strength.is_some())),
             (specular, used(|material| material.specular.is_some())),
