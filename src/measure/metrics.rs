@@ -95,7 +95,7 @@ pub fn compare(test: Picture, truth: Picture, mask: Option<&[bool]>, exposure: f
 }
 
 /// sRGB of a clipped value.
-fn show(linear: f32) -> f32 {
+pub(super) fn show(linear: f32) -> f32 {
     crate::scene::mips::linear_to_srgb(linear.clamp(0.0, 1.0))
 }
 

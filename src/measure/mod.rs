@@ -4,3 +4,4 @@ pub mod bench;
 pub mod metrics;
 pub mod rays;
 pub mod regions;
+pub mod temporal;
