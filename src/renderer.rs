@@ -408,7 +408,8 @@ impl Renderer {
     }
 
     /// An image of the last frame by name, as RGBA: `position_real`, `normal_virtual`, `camera_radiance`, …, and the derived
-    /// `irradiance_real` (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`, `object_id`.
+    /// `irradiance_real` (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`, `object_id`,
+    /// and `motion` and `position` of the surface that covers more of the pixel.
     pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
         let [a, b] = filtered(&self.picture, &self.options.settings)?;
         let opaque = |mut texels: Vec<[f32; 4]>| {
@@ -431,6 +432,17 @@ impl Renderer {
                 let motion = self.picture.image("motion")?;
                 return Ok(self.gpu.read_image(motion, 1)?.iter().map(|t| [t[3], t[3], t[3], 1.0]).collect());
             }
+            "motion" | "position" => {
+                let image = self.picture.image(name)?;
+                let (mut seen, objects) = (self.gpu.read_image(image, 0)?, self.gpu.read_image(image, 1)?);
+                let coverage: Vec<[f32; 4]> = self.gpu.read_image(self.picture.image("real_coverage")?, 0)?;
+                for ((seen, object), [real, ..]) in seen.iter_mut().zip(objects).zip(coverage) {
+                    if real < 0.5 {
+                        *seen = object;
+                    }
+                }
+                return Ok(seen);
+            }
             _ => {}
         }
         if let Some(image) = self.picture.resources.image(name).filter(|image| image.layers() == 1) {
@@ -451,8 +463,15 @@ impl Renderer {
 }
 
 /// Images that are put together on reading.
-const DERIVED: [&str; 5] =
-    ["irradiance_real", "irradiance_mixed", "irradiance_virtual", "radiance_specular", "object_id"];
+const DERIVED: [&str; 7] = [
+    "irradiance_real",
+    "irradiance_mixed",
+    "irradiance_virtual",
+    "radiance_specular",
+    "object_id",
+    "motion",
+    "position",
+];
 
 /// The two layers of per-surface images.
 const LAYERS: [&str; 2] = ["real", "virtual"];

@@ -8,24 +8,28 @@ use crate::{
     },
     measure::metrics::{Metrics, Picture, compare, flip_map},
 };
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt compare`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// The picture (.exr, .png, .jpg, .hdr)
+    /// The picture (.exr, .png, .jpg, .hdr), or a %04d pattern with --sequence
     pub test: PathBuf,
     /// What it should be
     pub truth: PathBuf,
-    /// Only where this picture is bright (at least ½)
+    /// Only where this picture is bright (at least ½); a pattern for a mask a frame
     #[arg(long, value_name = "PNG")]
     pub mask: Option<PathBuf>,
     /// Factor on radiance before display, for PSNR, SSIM and FLIP
     #[arg(long, default_value_t = 1.0)]
     pub exposure: f32,
-    /// Write FLIP's error of each pixel: black none, white most
+    /// Write FLIP's error of each pixel: black none, white most; a pattern with --sequence
     #[arg(long, value_name = "PNG")]
     pub diff: Option<PathBuf>,
+    /// TEST and TRUTH are successive frames: flicker, lag, ghosts, too; a TRUTH without a number is every frame's
+    #[arg(long)]
+    pub sequence: bool,
     /// Print the numbers as JSON
     #[arg(long)]
     pub json: bool,
@@ -36,6 +40,9 @@ pub fn run(args: &Args) -> Result<()> {
     if !(args.exposure.is_finite() && args.exposure > 0.0) {
         return Err(Error::input("--exposure", args.exposure, "give a positive number"));
     }
+    if args.sequence {
+        return super::compare_sequence::run(args);
+    }
     let (test, truth) = (color(&args.test)?, color(&args.truth)?);
     let names = [&args.test, &args.truth].map(|path| path.display().to_string());
     let test = Picture { subject: &names[0], size: test.size, texels: &test.texels };
@@ -43,23 +50,31 @@ pub fn run(args: &Args) -> Result<()> {
     let mask = args.mask.as_deref().map(|path| region(path, truth.size)).transpose()?;
     let metrics = compare(test, truth, mask.as_deref(), args.exposure)?;
     if let Some(path) = &args.diff {
-        let codes: Vec<u8> =
-            flip_map(test, truth, args.exposure)?.iter().map(|e| (e.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
-        write_png(path, truth.size, &codes, 1)?;
+        write_diff(path, test, truth, args.exposure)?;
     }
     if args.json {
-        let json = serde_json::to_string(&metrics).map_err(|e| Error::Internal(e.to_string()))?;
-        return super::print(&json);
+        return print_json(&metrics);
     }
     super::print(&table(&metrics))
 }
 
-fn color(path: &Path) -> Result<ColorImage> {
+pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
+    super::print(&serde_json::to_string(value).map_err(|e| Error::Internal(e.to_string()))?)
+}
+
+/// FLIP's error of each pixel as a grey PNG.
+pub(super) fn write_diff(path: &Path, test: Picture, truth: Picture, exposure: f32) -> Result<()> {
+    let codes: Vec<u8> =
+        flip_map(test, truth, exposure)?.iter().map(|e| (e.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
+    write_png(path, truth.size, &codes, 1)
+}
+
+pub(super) fn color(path: &Path) -> Result<ColorImage> {
     read(path)?.into_color(&path.display().to_string())
 }
 
 /// The bright half of a mask.
-fn region(path: &Path, size: [u32; 2]) -> Result<Vec<bool>> {
+pub(super) fn region(path: &Path, size: [u32; 2]) -> Result<Vec<bool>> {
     let image = read(path)?.into_color(&path.display().to_string())?;
     if image.size != size {
         let problem = format!("is {}×{}, the pictures are {}×{}", image.size[0], image.size[1], size[0], size[1]);
@@ -69,7 +84,7 @@ fn region(path: &Path, size: [u32; 2]) -> Result<Vec<bool>> {
     Ok(image.texels.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0 >= if image.ldr { 0.214 } else { 0.5 }).collect())
 }
 
-fn table(m: &Metrics) -> String {
+pub(super) fn table(m: &Metrics) -> String {
     format!(
         "FLIP {:.4}  PSNR {:.2} dB  SSIM {:.4}  RMSE {:.5}  relMSE {:.5}  largest {:.4}  mean ratio {:.4}  pixels {}",
         m.flip, m.psnr, m.ssim, m.rmse, m.relmse, m.max_abs, m.mean_ratio, m.pixels

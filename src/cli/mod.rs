@@ -6,6 +6,7 @@ pub mod capture;
 pub mod check;
 pub mod common;
 pub mod compare;
+mod compare_sequence;
 pub mod devices;
 pub mod masks;
 pub mod reference;

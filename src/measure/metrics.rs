@@ -36,6 +36,24 @@ pub struct Metrics {
     pub pixels: u64,
 }
 
+impl Metrics {
+    /// Means over frames, but for the largest `max_abs` and the sum of `pixels`. `None` of none.
+    pub fn mean(frames: &[Self]) -> Option<Self> {
+        let (first, n) = (frames.first()?, frames.len() as f64);
+        let mean = |of: fn(&Self) -> f64| frames.iter().map(of).sum::<f64>() / n;
+        Some(Self {
+            rmse: mean(|m| m.rmse),
+            relmse: mean(|m| m.relmse),
+            psnr: mean(|m| m.psnr),
+            ssim: mean(|m| m.ssim),
+            flip: mean(|m| m.flip),
+            max_abs: frames.iter().fold(first.max_abs, |a, b| a.max(b.max_abs)),
+            mean_ratio: mean(|m| m.mean_ratio),
+            pixels: frames.iter().map(|m| m.pixels).sum(),
+        })
+    }
+}
+
 /// Pixels per degree that FLIP is computed for: a 0.7 m wide 3840-pixel monitor at 0.7 m.
 const PIXELS_PER_DEGREE: f32 = 67.0;
 

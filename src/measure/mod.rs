@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod metrics;
+pub mod motion;
 pub mod rays;
 pub mod regions;
 pub mod temporal;
