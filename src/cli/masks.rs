@@ -2,7 +2,11 @@
 
 use super::common::{PictureArgs, parse_frames, progress};
 use crate::{
-    Error, Result, image_file::write::write_png, measure::regions::regions, renderer::Renderer, settings::Method,
+    Error, Result,
+    image_file::write::write_png,
+    reference::regions::{of_model, of_scene},
+    scene::rooms,
+    settings::Method,
 };
 use std::{fs, path::PathBuf};
 
@@ -14,9 +18,12 @@ pub struct Args {
     /// The folder for virtual.png and influenced.png, which is made where it does not exist
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Paths a pixel of the truth, which is the converged model of `iprt`
-    #[arg(long, default_value_t = 256)]
-    pub spp: u32,
+    /// The truth: panorama, the converged model of iprt, or scene, the complete true scene [default: scene where its room is known]
+    #[arg(long)]
+    pub model: Option<String>,
+    /// Paths a pixel of the truth [default: 64 with --model scene, 256 with panorama]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub spp: Option<u32>,
     /// Which frame
     #[arg(long, default_value = "0")]
     pub frame: String,
@@ -39,31 +46,33 @@ pub fn run(args: &Args) -> Result<()> {
     fs::create_dir_all(&args.output).map_err(|error| {
         Error::input(args.output.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
     })?;
-    let (size, spp, time) = (options.size, args.spp.max(1), scene.panorama.frame_time(frame as usize));
-
-    // Nothing in the picture without objects is random.
-    let bar = progress(args.picture.quiet, u64::from(spp) + 1, "converging");
-    let mut empty = options.clone();
-    empty.without_objects = true;
-    let mut renderer = Renderer::new(&gpu, &scene, empty)?;
-    renderer.render(&scene, time)?;
-    bar.inc(1);
-    let without = renderer.picture()?;
-    drop(renderer);
-    let mut renderer = Renderer::new(&gpu, &scene, options)?;
-    for _ in 0..spp {
-        renderer.render(&scene, time)?;
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    let with = renderer.picture()?;
-    let coverage: Vec<f32> = renderer.aov("real_coverage")?.iter().map(|texel| texel[0]).collect();
-    drop(renderer);
-
-    let found = regions(size, &with, &without, &coverage);
+    let known = scene.room.is_some() || args.picture.scene.as_deref().is_none_or(|name| rooms::by_name(name).is_some());
+    let by_scene = match args.model.as_deref() {
+        None => known,
+        Some("panorama") => false,
+        Some("scene") => true,
+        Some(other) => {
+            return Err(Error::input("--model", format!("unknown \"{other}\""), "use panorama or scene"));
+        }
+    };
+    let found = if by_scene {
+        let with = args.picture.complete_scene()?;
+        let without = PictureArgs { without_objects: true, quiet: true, ..picture }.complete_scene()?;
+        let samples = args.spp.unwrap_or(64);
+        let bar = progress(args.picture.quiet, 2 * u64::from(samples), "converging");
+        let found = of_scene(&gpu, &scene, &options, [&with, &without], frame, samples, || bar.inc(1))?;
+        bar.finish_and_clear();
+        found
+    } else {
+        let (samples, time) = (args.spp.unwrap_or(256), scene.panorama.frame_time(frame as usize));
+        let bar = progress(args.picture.quiet, u64::from(samples) + 1, "converging");
+        let found = of_model(&gpu, &scene, &options, time, samples, || bar.inc(1))?;
+        bar.finish_and_clear();
+        found
+    };
     for (name, mask) in [("virtual.png", &found.virtual_), ("influenced.png", &found.influenced)] {
         let path = args.output.join(name);
-        write_png(&path, size, &mask.iter().map(|inside| u8::from(*inside) * 255).collect::<Vec<_>>(), 1)?;
+        write_png(&path, options.size, &mask.iter().map(|inside| u8::from(*inside) * 255).collect::<Vec<_>>(), 1)?;
         if !args.picture.quiet {
             let share = 100.0 * mask.iter().filter(|inside| **inside).count() as f64 / mask.len() as f64;
             super::print(&format!("{}: {share:.1} % of the picture", path.display()))?;

@@ -6,21 +6,14 @@ use super::{
 };
 use crate::{
     Error, Result,
-    gpu::Gpu,
     image_file::{
         ExrLayer,
         write::{write_display, write_exr},
     },
-    passes::view::{Projection, Viewpoint},
-    reference::{
-        path_trace::{PathSettings, PathTracer},
-        truth::{self, End, Goal, NOISE_EVERY},
-    },
+    reference::truth::{self, End, Goal, NOISE_EVERY},
     renderer::Renderer,
-    scene::CompleteScene,
     settings::Method,
 };
-use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
     path::PathBuf,
@@ -131,7 +124,7 @@ fn scene(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
     let scene = args.picture.complete_scene()?;
     let size = args.picture.size(scene.camera.size)?;
     let gpu = args.picture.device.open()?;
-    let mut tracer = scene_tracer(args, &gpu, &scene, size, frame)?;
+    let mut tracer = truth::tracer(&gpu, &scene, args.picture.projection()?, size, args.picture.seed, frame)?;
     if args.resume {
         truth::resume(&mut tracer, &state)?;
     }
@@ -163,17 +156,6 @@ fn scene(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
     }
     drop(tracer);
     args.picture.device.close(gpu)
-}
-
-fn scene_tracer(args: &Args, gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], frame: u32) -> Result<PathTracer> {
-    let state = scene.at(scene.frame_time(frame));
-    let camera = &state.camera;
-    let viewpoint = match args.picture.projection()? {
-        Projection::Perspective => Viewpoint::perspective(Vec3::ZERO, camera.rotation, camera.fov_y_degrees, size),
-        Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, camera.rotation),
-    };
-    let settings = PathSettings::unbiased(size, args.picture.seed);
-    PathTracer::new(gpu, &scene.packed, &state.instances, camera.position, &viewpoint, &settings)
 }
 
 fn so_far(what: &str, count: u32, noise: f64) -> String {

@@ -3,11 +3,15 @@
 //! A state holds the very sums, so that a run that was interrupted and resumed gives the same bits as one that was not. It names
 //! the scene and the settings by a hash, and holds a hash of itself.
 
-use super::path_trace::PathTracer;
+use super::path_trace::{PathSettings, PathTracer};
 use crate::{
     Error, Result,
+    gpu::Gpu,
     image_file::{read::read_bytes, write::write_bytes},
+    passes::view::{Projection, Viewpoint},
+    scene::CompleteScene,
 };
+use glam::Vec3;
 use std::{
     ffi::OsString,
     fs,
@@ -44,6 +48,28 @@ pub fn state_path(picture: &Path) -> PathBuf {
     let mut name = OsString::from(picture);
     name.push(".state");
     name.into()
+}
+
+/// The tracer of a scene's picture as its own camera sees it in frame `frame`, all bounces.
+///
+/// # Errors
+/// As [`PathTracer::new`].
+pub fn tracer(
+    gpu: &Gpu,
+    scene: &CompleteScene,
+    projection: Projection,
+    size: [u32; 2],
+    seed: u32,
+    frame: u32,
+) -> Result<PathTracer> {
+    let state = scene.at(scene.frame_time(frame));
+    let camera = &state.camera;
+    let viewpoint = match projection {
+        Projection::Perspective => Viewpoint::perspective(Vec3::ZERO, camera.rotation, camera.fov_y_degrees, size),
+        Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, camera.rotation),
+    };
+    let settings = PathSettings::unbiased(size, seed);
+    PathTracer::new(gpu, &scene.packed, &state.instances, camera.position, &viewpoint, &settings)
 }
 
 /// Takes samples until the goal is reached or `stop` is set. The state is written to `state` once a minute and on interruption.
