@@ -5,6 +5,7 @@ use crate::{
     Error, Result,
     gpu::{Buffer, Format, Gpu, Image},
     gpu_struct,
+    panorama::mapping::texel_direction,
 };
 use glam::{Mat3, Quat, Vec2, Vec3};
 
@@ -79,6 +80,18 @@ impl Viewpoint {
     /// A full panorama.
     pub fn equirect(position: Vec3, rotation: Quat) -> Self {
         Self { position, rotation, tan_half: Vec2::ONE, projection: Projection::Equirect }
+    }
+
+    /// The unit direction of the ray through a pixel's centre, world axes.
+    pub fn direction(&self, pixel: [u32; 2], size: [u32; 2]) -> Vec3 {
+        let local = match self.projection {
+            Projection::Equirect => texel_direction(pixel[0], pixel[1], size).as_vec3(),
+            Projection::Perspective => {
+                let ndc = [0, 1].map(|k| (pixel[k] as f32 + 0.5) / size[k] as f32 * 2.0 - 1.0);
+                Vec3::new(ndc[0] * self.tan_half.x, -ndc[1] * self.tan_half.y, -1.0).normalize()
+            }
+        };
+        self.rotation * local
     }
 
     /// Whether primary rays start at the panorama's centre, where the real surface is a look-up.

@@ -7,8 +7,8 @@
 //! where light changes faster than its variance shows.
 
 use super::path_trace::Sums;
-use crate::panorama::mapping::texel_direction;
-use glam::Vec3;
+use crate::passes::view::{Projection, Viewpoint};
+use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
 /// Levels of the filter; the last spans 129×129 texels.
@@ -43,7 +43,12 @@ struct Guide {
 
 /// Filtered radiance of an equirectangular picture, alpha 1.
 pub fn denoise(sums: &Sums) -> Vec<[f32; 4]> {
-    let width = sums.size[0];
+    denoise_view(sums, &Viewpoint::equirect(Vec3::ZERO, Quat::IDENTITY))
+}
+
+/// Filtered radiance of a picture from `viewpoint`, alpha 1.
+pub fn denoise_view(sums: &Sums, viewpoint: &Viewpoint) -> Vec<[f32; 4]> {
+    let (width, panorama) = (sums.size[0], viewpoint.projection == Projection::Equirect);
     let n = sums.samples.max(1) as f32;
     let mut texels = vec![Texel::default(); sums.reflected.len()];
     let mut guides = vec![Guide::default(); texels.len()];
@@ -60,7 +65,7 @@ pub fn denoise(sums: &Sums) -> Vec<[f32; 4]> {
             light: Vec3::new(r, g, b) / albedo_sum,
             variance: variance / luminance(albedo_sum / count).powi(2),
         };
-        let direction = texel_direction(i as u32 % width, i as u32 / width, sums.size).as_vec3();
+        let direction = viewpoint.direction([i as u32 % width, i as u32 / width], sums.size);
         *guide = Guide {
             position: direction * centre[3],
             normal: Vec3::from_slice(&centre),
@@ -71,14 +76,14 @@ pub fn denoise(sums: &Sums) -> Vec<[f32; 4]> {
     }
     let raw = texels.clone();
     for level in 0..LEVELS {
-        texels = filter(&texels, &guides, sums.size, level, true);
+        texels = filter(&texels, &guides, sums.size, panorama, level, true);
     }
     // Outliers, all of them bright, find few neighbours like them: their light would be lost. What the filter took is spread
     // over the surface instead.
     let taken = |(raw, kept): (&Texel, &Texel)| Texel { light: raw.light - kept.light, ..Default::default() };
     let mut residual: Vec<Texel> = raw.iter().zip(&texels).map(taken).collect();
     for level in 0..LEVELS {
-        residual = filter(&residual, &guides, sums.size, level, false);
+        residual = filter(&residual, &guides, sums.size, panorama, level, false);
     }
     for (texel, residual) in texels.iter_mut().zip(&residual) {
         texel.light = (texel.light + residual.light).max(Vec3::ZERO);
@@ -96,7 +101,7 @@ pub fn denoise(sums: &Sums) -> Vec<[f32; 4]> {
     let pure = |i: usize| sums.reflected[i][3] > 0.9 * n;
     let bounded = |i: usize| {
         let [r, g, b] =
-            if pure(i) { radiance[i] } else { at_most_neighbours(i, &radiance, pure, sums.size) }.to_array();
+            if pure(i) { radiance[i] } else { at_most_neighbours(i, &radiance, pure, sums.size, panorama) }.to_array();
         [r, g, b, 1.0]
     };
     (0..texels.len()).map(bounded).collect()
@@ -109,12 +114,18 @@ fn is_mirror(sums: &Sums, index: usize) -> bool {
 
 /// On a silhouette, where two surfaces share a texel and the light of one is not filtered: no brighter than the texels around
 /// that show one surface each.
-fn at_most_neighbours(index: usize, values: &[Vec3], pure: impl Fn(usize) -> bool, size: [u32; 2]) -> Vec3 {
+fn at_most_neighbours(
+    index: usize,
+    values: &[Vec3],
+    pure: impl Fn(usize) -> bool,
+    size: [u32; 2],
+    panorama: bool,
+) -> Vec3 {
     let [width, height] = size.map(i64::from);
     let (x, y) = (index as i64 % width, index as i64 / width);
     let mut most = Vec3::ZERO;
     for row in (y - 2).max(0)..=(y + 2).min(height - 1) {
-        for column in x - 2..=x + 2 {
+        for column in (x - 2..=x + 2).filter(|x| panorama || (0..width).contains(x)) {
             let other = (row * width + column.rem_euclid(width)) as usize;
             if pure(other) {
                 most = most.max(values[other]);
@@ -128,12 +139,20 @@ fn luminance(color: Vec3) -> f32 {
     color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// One level; `by_light`: stop at steps in the light, not only at those of the geometry.
-fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], level: u32, by_light: bool) -> Vec<Texel> {
+/// One level; `panorama`: columns wrap and crowd at the poles; `by_light`: stop at steps in the light, not only at those of the geometry.
+fn filter(
+    texels: &[Texel],
+    guides: &[Guide],
+    size: [u32; 2],
+    panorama: bool,
+    level: u32,
+    by_light: bool,
+) -> Vec<Texel> {
     let step = 1_i64 << level;
     const KERNEL: [f32; 3] = [0.375, 0.25, 0.0625];
     let [width, height] = size.map(i64::from);
     let at = |x: i64, y: i64| (y * width + x.rem_euclid(width)) as usize;
+    let outside = |x: i64, y: i64| !(0..height).contains(&y) || !(panorama || (0..width).contains(&x));
     let one = |index: usize| -> Texel {
         let (x, y) = (index as i64 % width, index as i64 / width);
         let (p, g) = (texels[index], guides[index]);
@@ -141,7 +160,7 @@ fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], level: u32, by_lig
             return p;
         }
         // Columns crowd towards the poles: step over as many as span the same angle, as soon as those between are mixed in.
-        let sine = (std::f32::consts::PI * (y as f32 + 0.5) / height as f32).sin();
+        let sine = if panorama { (std::f32::consts::PI * (y as f32 + 0.5) / height as f32).sin() } else { 1.0 };
         let stride = ((step as f32 / sine).round() as i64).min(3_i64.pow(level)).min(width / 5).max(1);
         let (mut variance, mut total) = (0.0, 0.0);
         // A few samples tell little about their own variance: the first level asks the neighbourhood.
@@ -149,7 +168,7 @@ fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], level: u32, by_lig
         for dy in -reach..=reach {
             for dx in -reach..=reach {
                 let row = y + dy;
-                if !(0..height).contains(&row) {
+                if outside(x + dx, row) {
                     continue;
                 }
                 let h = guides[at(x + dx, row)];
@@ -163,10 +182,10 @@ fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], level: u32, by_lig
         let (mut light, mut variance, mut total) = (Vec3::ZERO, 0.0, 0.0);
         for dy in -2..=2_i64 {
             let row = y + dy * step;
-            if !(0..height).contains(&row) {
-                continue;
-            }
             for dx in -2..=2_i64 {
+                if outside(x + dx * stride, row) {
+                    continue;
+                }
                 let other = at(x + dx * stride, row);
                 let (q, h) = (texels[other], guides[other]);
                 if h.purity == 0.0 || h.mirror != g.mirror {
@@ -191,7 +210,7 @@ fn filter(texels: &[Texel], guides: &[Guide], size: [u32; 2], level: u32, by_lig
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::rooms::kit::hash;
+    use crate::{panorama::mapping::texel_direction, scene::rooms::kit::hash};
 
     const SIZE: [u32; 2] = [128, 64];
     const SAMPLES: u32 = 16;

@@ -1,6 +1,9 @@
 //! The regions of a scene's picture that errors are told apart by ([`crate::measure::regions`]), from one truth or the other.
 
-use super::truth::tracer;
+use super::{
+    denoise::denoise_view,
+    truth::{tracer, viewpoint},
+};
 use crate::{
     Result,
     gpu::Gpu,
@@ -36,7 +39,7 @@ pub fn of_model(
 }
 
 /// By scene truth, `with` objects and `without`, frame `frame`. Both take the same random numbers, so that where the objects have no influence their
-/// noise is the same and a few samples are enough. Which pixels are virtual, the renderer says. `progress` is called 2 · `samples` times.
+/// noise is the same, and are filtered, so that a few samples are enough. Which pixels are virtual, the renderer says. `progress` is called 2 · `samples` times.
 ///
 /// # Errors
 /// As [`Renderer`] and [`PathTracer`](super::path_trace::PathTracer).
@@ -55,7 +58,7 @@ pub fn of_scene(
             tracer.sample()?;
             progress();
         }
-        Ok(tracer.read()?.radiance())
+        Ok(denoise_view(&tracer.read()?, &viewpoint(complete, options.projection, options.size, frame)))
     };
     let (with, without) = (truth(with)?, truth(without)?);
     let mut options = options.clone();

@@ -50,7 +50,16 @@ pub fn state_path(picture: &Path) -> PathBuf {
     name.into()
 }
 
-/// The tracer of a scene's picture as its own camera sees it in frame `frame`, all bounces.
+/// Where the scene's own camera sees it from in frame `frame`, with the camera at the origin.
+pub fn viewpoint(scene: &CompleteScene, projection: Projection, size: [u32; 2], frame: u32) -> Viewpoint {
+    let camera = scene.camera.at(scene.frame_time(frame));
+    match projection {
+        Projection::Perspective => Viewpoint::perspective(Vec3::ZERO, camera.rotation, camera.fov_y_degrees, size),
+        Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, camera.rotation),
+    }
+}
+
+/// The tracer of that picture, all bounces.
 ///
 /// # Errors
 /// As [`PathTracer::new`].
@@ -63,13 +72,9 @@ pub fn tracer(
     frame: u32,
 ) -> Result<PathTracer> {
     let state = scene.at(scene.frame_time(frame));
-    let camera = &state.camera;
-    let viewpoint = match projection {
-        Projection::Perspective => Viewpoint::perspective(Vec3::ZERO, camera.rotation, camera.fov_y_degrees, size),
-        Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, camera.rotation),
-    };
+    let viewpoint = viewpoint(scene, projection, size, frame);
     let settings = PathSettings::unbiased(size, seed);
-    PathTracer::new(gpu, &scene.packed, &state.instances, camera.position, &viewpoint, &settings)
+    PathTracer::new(gpu, &scene.packed, &state.instances, state.camera.position, &viewpoint, &settings)
 }
 
 /// Takes samples until the goal is reached or `stop` is set. The state is written to `state` once a minute and on interruption.
