@@ -8,7 +8,7 @@ use crate::{
     Error, Result,
     image_file::write::write_bytes,
     reference::capture::{CaptureSettings, capture_sequence, scene_file},
-    scene::{CompleteScene, camera::CameraTrack, gltf, rooms},
+    scene::{CompleteScene, camera::CameraTrack, export::ROOM_FILE, gltf, model::Model, rooms},
 };
 use glam::Vec3;
 use std::{
@@ -24,7 +24,7 @@ const SCENE_FILE: &str = "scene.toml";
 pub struct Args {
     /// The room: a .glb or .gltf file, or a built-in room's name
     pub room: String,
-    /// Folder for color.exr, depth.exr and scene.toml; made where it does not exist
+    /// Folder for color.exr, depth.exr, scene.toml and a built-in room's room.glb; made where it does not exist
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Samples a texel
@@ -73,7 +73,7 @@ pub fn run(args: &Args) -> Result<()> {
         frames => frames.map(|[_, last]| last + 1),
     };
     let position = args.position.as_deref().map(parse_position).transpose()?;
-    let (mut room, file, usual) = open(args)?;
+    let (mut room, source, usual) = open(args)?;
     room.fps = args.fps;
     if !args.quiet {
         room.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
@@ -85,7 +85,15 @@ pub fn run(args: &Args) -> Result<()> {
     })?;
     let scene = args.output.join(SCENE_FILE);
     require_folder(&scene)?;
-    let text = scene_file(&args.output, file.as_deref(), position, frames, args.fps)?;
+    let file = match source {
+        Source::File(path) => path,
+        Source::BuiltIn(model) => {
+            let path = args.output.join(ROOM_FILE);
+            write_bytes(&path, &gltf::export::to_glb(&model)?)?;
+            path
+        }
+    };
+    let text = scene_file(&args.output, Some(&file), position, frames, args.fps)?;
 
     let gpu = args.device.open()?;
     let settings = CaptureSettings { size, samples: args.spp, seed: args.seed, denoise: args.denoise, progress: false };
@@ -99,11 +107,17 @@ pub fn run(args: &Args) -> Result<()> {
     args.device.close(gpu)
 }
 
-/// The room, its file if it has one, and where it is usually captured from.
-fn open(args: &Args) -> Result<(CompleteScene, Option<PathBuf>, Vec3)> {
+/// Where a room comes from: a built-in one is written beside its panorama.
+enum Source {
+    File(PathBuf),
+    BuiltIn(Arc<Model>),
+}
+
+/// The room and where it is usually captured from.
+fn open(args: &Args) -> Result<(CompleteScene, Source, Vec3)> {
     if let Some(room) = rooms::by_name(&args.room) {
-        let scene = CompleteScene::assemble(room.name, room.model, room.camera, Vec::new())?;
-        return Ok((scene, None, room.capture_position));
+        let scene = CompleteScene::assemble(room.name, room.model.clone(), room.camera, Vec::new())?;
+        return Ok((scene, Source::BuiltIn(room.model), room.capture_position));
     }
     let path = Path::new(&args.room);
     let (model, mut warnings) = gltf::load(path)?;
@@ -116,7 +130,7 @@ fn open(args: &Args) -> Result<(CompleteScene, Option<PathBuf>, Vec3)> {
         return Err(Error::input(path.display(), "holds no triangles", "give the model of a room"));
     }
     let middle = bounds.center();
-    Ok((scene, Some(path.to_owned()), middle))
+    Ok((scene, Source::File(path.to_owned()), middle))
 }
 
 fn parse_position(text: &str) -> Result<Vec3> {
