@@ -70,7 +70,8 @@ fn ours(gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], samples: u32) -> Ours 
     }
     let n = f64::from(PARTS);
     let mean: Vec<[f64; 3]> = before.iter().map(|sum| sum.map(|x| x / n)).collect();
-    let error = |i: usize| std::array::from_fn(|c| ((square[i][c] / n - mean[i][c].powi(2)).max(0.0) / (n - 1.0)).sqrt());
+    let error =
+        |i: usize| std::array::from_fn(|c| ((square[i][c] / n - mean[i][c].powi(2)).max(0.0) / (n - 1.0)).sqrt());
     Ours { size: size.map(|x| x as usize), standard_error: (0..pixels).map(error).collect(), mean }
 }
 
@@ -103,9 +104,12 @@ impl Ours {
                 let noise = error[c].hypot(theirs.standard_error[y][x][c]) / expected;
                 square += noise * noise;
                 let off = mean[c] / expected - 1.0;
-                if std::env::var_os("SHOW").is_some() { println!("{x} {y} {c} {expected:.4} {:+.2} % noise {:.2} %", 100.0*off, 100.0*noise); }
                 if off.abs() > f64::max(0.01, 3.0 * noise) {
-                    unlike.push(format!("patch {x}, {y}, channel {c}: {:+.2} %, noise {:.2} %", 100.0 * off, 100.0 * noise));
+                    unlike.push(format!(
+                        "patch {x}, {y}, channel {c}: {:+.2} %, noise {:.2} %",
+                        100.0 * off,
+                        100.0 * noise
+                    ));
                 }
             }
         }
@@ -207,9 +211,10 @@ fn the_whole_view_of_a_room() {
             let truth = reduced(&truth.texels, truth.size, 8 * by);
             compare(test, Picture { subject: "theirs", size, texels: &truth }, None, 2.0).expect("alike").psnr
         };
-        println!("noise {noise:.4}; {:.2} {:.2} {:.2} dB", psnr(1), psnr(2), psnr(4));
         assert!(unlike.is_empty(), "{unlike:#?}");
-        assert!(noise < 0.005, "{noise}");
-        assert!(psnr(1) >= 38.0, "{}", psnr(1));
+        assert!(noise < 0.008, "{noise}");
+        // 38.9 and 44.2 dB with this many samples; were all 3 % brighter, 36.7 and 39.1 dB
+        let found = [psnr(1), psnr(2)];
+        assert!(found[0] >= 38.0 && found[1] >= 42.0, "{found:?}");
     });
 }
