@@ -28,26 +28,27 @@ struct Values {
     standard_error: Vec<Vec<[f64; 3]>>,
 }
 
-impl Values {
-    fn load(json: &str) -> Self {
-        let values: Self = serde_json::from_str(json).expect("as render.py writes it");
-        assert!(values.made_by.starts_with("Mitsuba 3"));
-        assert!([&values.mean, &values.standard_error].iter().all(|rows| rows.len() == values.size[1]));
-        values
-    }
+/// A picture by Mitsuba that is stored here.
+fn theirs(json: &str) -> Means {
+    let values: Values = serde_json::from_str(json).expect("as render.py writes it");
+    assert!(values.made_by.starts_with("Mitsuba 3"));
+    let [mean, standard_error] = [values.mean, values.standard_error].map(|rows| rows.concat());
+    assert!([&mean, &standard_error].iter().all(|list| list.len() == values.size[0] * values.size[1]));
+    Means { size: values.size, mean, standard_error }
 }
 
-/// A picture of ours: the mean of so many parts of a run of samples, and its standard error from how the parts differ.
-/// Stratification over the whole run makes the true error smaller.
-struct Ours {
+/// Means over pixels or patches, row 0 on top, and their standard errors.
+struct Means {
     size: [usize; 2],
     mean: Vec<[f64; 3]>,
     standard_error: Vec<[f64; 3]>,
 }
 
-const PARTS: u32 = 16;
+const PARTS: u32 = 32;
 
-fn ours(gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], samples: u32) -> Ours {
+/// A picture of ours: the mean over a run of samples, and its standard error from how parts of the run differ. Stratification over
+/// the whole run makes the true error smaller.
+fn ours(gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], samples: u32) -> Means {
     let state = scene.at(0.0);
     let camera = &state.camera;
     let view = Viewpoint::perspective(Vec3::ZERO, camera.rotation, camera.fov_y_degrees, size);
@@ -72,10 +73,10 @@ fn ours(gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], samples: u32) -> Ours 
     let mean: Vec<[f64; 3]> = before.iter().map(|sum| sum.map(|x| x / n)).collect();
     let error =
         |i: usize| std::array::from_fn(|c| ((square[i][c] / n - mean[i][c].powi(2)).max(0.0) / (n - 1.0)).sqrt());
-    Ours { size: size.map(|x| x as usize), standard_error: (0..pixels).map(error).collect(), mean }
+    Means { size: size.map(|x| x as usize), standard_error: (0..pixels).map(error).collect(), mean }
 }
 
-impl Ours {
+impl Means {
     /// Means of blocks of `by`×`by` pixels.
     fn patches(&self, by: usize) -> Self {
         let size = self.size.map(|x| x / by);
@@ -92,26 +93,29 @@ impl Ours {
         Self { size, mean: (0..count).map(mean).collect(), standard_error: (0..count).map(error).collect() }
     }
 
-    /// The patches and channels that differ by more than 1 % and by more than three standard errors of both; and the root mean
-    /// square of the relative standard errors.
-    fn unlike(&self, theirs: &Values) -> (Vec<String>, f64) {
+    /// The patches of which a channel differs by more than 1 % and by more than three standard errors of both; and the root mean
+    /// square of the relative standard errors. Of so many values noise alone takes one beyond three standard errors now and then,
+    /// so a single patch that is within four is let pass.
+    fn unlike(&self, theirs: &Self) -> (Vec<String>, f64) {
         assert_eq!(self.size, theirs.size);
-        let (mut unlike, mut square) = (Vec::new(), 0.0);
-        for (i, (mean, error)) in self.mean.iter().zip(&self.standard_error).enumerate() {
-            let (x, y) = (i % self.size[0], i / self.size[0]);
-            for c in 0..3 {
-                let expected = theirs.mean[y][x][c];
-                let noise = error[c].hypot(theirs.standard_error[y][x][c]) / expected;
-                square += noise * noise;
-                let off = mean[c] / expected - 1.0;
-                if off.abs() > f64::max(0.01, 3.0 * noise) {
-                    unlike.push(format!(
-                        "patch {x}, {y}, channel {c}: {:+.2} %, noise {:.2} %",
-                        100.0 * off,
-                        100.0 * noise
-                    ));
-                }
+        let (mut unlike, mut by_chance, mut square) = (Vec::new(), 0, 0.0);
+        for i in 0..self.mean.len() {
+            let relative = |c: usize| {
+                let expected = theirs.mean[i][c];
+                let noise = self.standard_error[i][c].hypot(theirs.standard_error[i][c]) / expected;
+                (self.mean[i][c] / expected - 1.0, noise)
+            };
+            let channels = [0, 1, 2].map(relative);
+            square += channels.iter().map(|(_, noise)| noise * noise).sum::<f64>();
+            let within = |errors: f64| channels.iter().all(|(off, noise)| off.abs() <= f64::max(0.01, errors * noise));
+            if !within(3.0) {
+                by_chance += u32::from(within(4.0));
+                let percent = channels.map(|(off, noise)| format!("{:+.2} ± {:.2} %", 100.0 * off, 100.0 * noise));
+                unlike.push(format!("patch {}, {}: {}", i % self.size[0], i / self.size[0], percent.join(", ")));
             }
+        }
+        if unlike.len() == 1 && by_chance == 1 {
+            unlike.clear();
         }
         (unlike, (square / (3 * self.mean.len()) as f64).sqrt())
     }
@@ -169,10 +173,10 @@ fn ball_room() -> CompleteScene {
 #[test]
 fn metal_and_plastic_are_mitsubas() {
     validated(|gpu| {
-        let theirs = Values::load(include_str!("mitsuba/balls_values.json"));
-        let (unlike, noise) = ours(gpu, &ball_room(), [8, 6], 8192).unlike(&theirs);
+        let theirs = theirs(include_str!("mitsuba/balls_values.json")).patches(2);
+        let (unlike, noise) = ours(gpu, &ball_room(), [8, 6], 16_384).patches(2).unlike(&theirs);
         assert!(unlike.is_empty(), "{unlike:#?}");
-        assert!(noise < 0.005, "{noise}");
+        assert!(noise < 0.01, "{noise}");
     });
 }
 
@@ -188,7 +192,7 @@ fn data_room(name: &str) -> PathBuf {
 /// A picture by 1/`by` its size, box-filtered.
 fn reduced(texels: &[[f32; 4]], size: [u32; 2], by: usize) -> Vec<[f32; 4]> {
     let mean = texels.iter().map(|t| [0, 1, 2].map(|c| f64::from(t[c]))).collect();
-    let fine = Ours { size: size.map(|x| x as usize), mean, standard_error: vec![[0.0; 3]; texels.len()] };
+    let fine = Means { size: size.map(|x| x as usize), mean, standard_error: vec![[0.0; 3]; texels.len()] };
     opaque(&fine.patches(by).mean)
 }
 
@@ -201,7 +205,7 @@ fn the_whole_view_of_a_room() {
     validated(|gpu| {
         let scene = CompleteScene::load(&data_room("scene.toml"), false).expect("a good scene");
         let ours = ours(gpu, &scene, [64, 48], 256);
-        let theirs = Values::load(include_str!("mitsuba/room_values.json"));
+        let theirs = theirs(include_str!("mitsuba/room_values.json"));
         let (unlike, noise) = ours.patches(8).unlike(&theirs);
 
         let truth = read(&data_room("truth_with.exr")).and_then(|image| image.into_color("truth")).expect("a picture");
