@@ -5,7 +5,8 @@
     V/bin/python tests/mitsuba/render.py room DATA/rooms/room     # of the folder that IPRT_DATA names
 
 Each writes tests/mitsuba/NAME_values.json: a picture of 8x6 pixels, box-filtered, so that every pixel is the mean of a patch of
-the view, and the standard error of each value, from runs of other seeds. LLVM has to be installed (libLLVM.so).
+the view, and the standard error of each value, from runs of other seeds. LLVM 19 was used, named by DRJIT_LIBLLVM_PATH; Debian 12's
+14 and 15 abort.
 
 The material is written here from glTF 2.0, appendix B, not from this project's shaders. What glTF leaves open is done as
 docs/pipeline.md says: GGX scaled by 1 + F0 (1/E - 1) (Turquin 2019), Lambert scaled by 1 - max(rho). Mitsuba's own code does the rest:
