@@ -276,7 +276,7 @@ impl Surface<'_> {
     }
 
     /// A point on the surface near a place of the image (0..1), and the normal towards the centre; none at holes and edges.
-    fn point(&self, uv: DVec2, random: &mut Random) -> Option<(DVec3, DVec3)> {
+    fn point(&self, uv: DVec2, random: &mut fastrand::Rng) -> Option<(DVec3, DVec3)> {
         let i = (uv.x * f64::from(self.size[0])) as u32 % self.size[0];
         let j = ((uv.y * f64::from(self.size[1])) as u32).min(self.size[1].checked_sub(2)?);
         let corners = [self.vertex(i, j), self.vertex(i, j + 1), self.vertex(i + 1, j + 1)];
@@ -286,7 +286,7 @@ impl Surface<'_> {
             return None;
         }
         let [a, b, c] = corners.map(|(position, _)| position);
-        let (s, t) = (random.next().sqrt(), random.next());
+        let (s, t) = (random.f64().sqrt(), random.f64());
         let point = a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t);
         let normal = (b - a).cross(c - a).normalize();
         Some((point, if normal.dot(point) > 0.0 { -normal } else { normal }))
@@ -324,10 +324,10 @@ impl Surface<'_> {
 
     /// From the surface in each direction from the centre, cosine-distributed.
     fn cosine(&self) -> Vec<TracedRay> {
-        let mut random = Random(1);
+        let mut random = fastrand::Rng::with_seed(1);
         Self::tiles(|p| {
             let (point, normal) = self.point(Self::equal_area(p), &mut random)?;
-            let (u, phi) = (random.next(), TAU * random.next());
+            let (u, phi) = (random.f64(), TAU * random.f64());
             let (tangent, other) = normal.any_orthonormal_pair();
             let d = tangent * (u.sqrt() * phi.cos()) + other * (u.sqrt() * phi.sin()) + normal * (1.0 - u).sqrt();
             Some(ray(point + normal * (2e-3 * point.length()), d))
@@ -345,15 +345,15 @@ impl Surface<'_> {
                 }
             }
         }
-        let mut random = Random(2);
+        let mut random = fastrand::Rng::with_seed(2);
         if edges.is_empty() {
             return Vec::new();
         }
         Self::tiles(|p| {
             let (point, normal) = self.point(Self::equal_area(p), &mut random)?;
-            let edge = edges[(random.next() * edges.len() as f64) as usize];
+            let edge = edges[(random.f64() * edges.len() as f64) as usize];
             let texel = TAU / f64::from(self.size[0]) * edge.length() * FRAC_1_SQRT_2;
-            let jitter = DVec3::from_array(std::array::from_fn(|_| 2.0 * random.next() - 1.0)) * texel;
+            let jitter = DVec3::from_array(std::array::from_fn(|_| 2.0 * random.f64() - 1.0)) * texel;
             let origin = point + normal * (2e-3 * point.length());
             Some(ray(origin, edge + jitter - origin))
         })
@@ -363,20 +363,6 @@ impl Surface<'_> {
 fn ray(origin: DVec3, direction: DVec3) -> TracedRay {
     let direction = direction.normalize_or(DVec3::X).as_vec3();
     TracedRay { origin: origin.as_vec3(), t_min: 0.0, direction, t_max: 1e30 }
-}
-
-/// SplitMix64 (Steele, Lea and Flood 2014).
-struct Random(u64);
-
-impl Random {
-    /// Uniform in 0..1.
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
 }
 
 #[cfg(test)]

@@ -226,3 +226,26 @@ pub fn project(track: &CameraTrack, time: f64, size: [u32; 2], point: Vec3) -> g
     let ndc = glam::vec2(local.x * size[1] as f32 / size[0] as f32, -local.y) / (-local.z * tan);
     (ndc * 0.5 + 0.5) * glam::vec2(size[0] as f32, size[1] as f32)
 }
+
+/// Mean and largest of |E/expected − 1|, taken over means of 4×4 pixels in which `expected` is known everywhere.
+pub fn irradiance_error(
+    irradiance: &Texels,
+    [width, height]: [u32; 2],
+    expected: impl Fn(usize) -> Option<f32>,
+) -> (f32, f32) {
+    let (mut sum, mut largest, mut blocks) = (0.0f32, 0.0f32, 0);
+    for pixels in (0..width * height / 16).map(|block| block_pixels(block, width)) {
+        let error = |i: usize| expected(i).map(|e| irradiance[i][1] / e - 1.0);
+        let Some(errors) = pixels.into_iter().map(error).collect::<Option<Vec<_>>>() else { continue };
+        let error = (errors.iter().sum::<f32>() / 16.0).abs();
+        (sum, largest, blocks) = (sum + error, largest.max(error), blocks + 1);
+    }
+    assert!(blocks > 10, "{blocks} blocks");
+    (sum / blocks as f32, largest)
+}
+
+/// The pixels of a block of 4×4.
+pub fn block_pixels(block: u32, width: u32) -> [usize; 16] {
+    let (x, y) = (block % (width / 4), block / (width / 4));
+    std::array::from_fn(|k| ((4 * y + k as u32 / 4) * width + 4 * x + k as u32 % 4) as usize)
+}
