@@ -4,8 +4,7 @@
 //! in flight, and a run that asks for more samples adds batches to those that are there. Even and odd batches make two halves,
 //! whose difference is the truth's own noise.
 //!
-//! A rare path to a small lamp (a caustic) can hold more light than all others of a pixel together. In each half, of four
-//! batches or more, a pixel's brightest batches are left out, a quarter of them at most, as long as they are more than
+//! A rare path to a small lamp (a caustic) can hold more light than all others of a pixel together. In each half a pixel's brightest batches are left out, one in four at most, as long as they are more than
 //! [`OUTLIER`] times as bright as the rest of the half's mean. What that takes away is told: [`Truth::outliers`].
 
 use super::path_trace::{PathSettings, PathTracer, hash_scene};
@@ -33,8 +32,12 @@ const MAGIC: &[u8] = b"iprt truth 1\n";
 const VERSION: u32 = 1;
 /// Samples of a batch of scene truth.
 pub const SCENE_BATCH: u32 = 16;
-/// Paths of a batch of model truth, and frames that its relit panorama is accumulated for before.
-pub const MODEL_BATCH: u32 = 64;
+/// Paths of a batch of model truth.
+pub const MODEL_BATCH: u32 = 16;
+/// Frames that the relit panorama of each half of model truth is accumulated for before the first batch.
+pub const MODEL_WARM_UP: u32 = 64;
+/// Batches at least.
+const BATCHES: u32 = 8;
 /// A batch so many times as bright as the rest is left out.
 pub const OUTLIER: f32 = 4.0;
 
@@ -131,7 +134,7 @@ pub fn truth_of_model(
 ) -> Result<Truth> {
     let [batch, count] = batches(spp, MODEL_BATCH);
     let mut settings = Settings::of(Method::Reference);
-    settings.relight_warmup = batch;
+    settings.relight_warmup = MODEL_WARM_UP;
     for (key, value) in overrides {
         settings.set(key, value, &scene.name)?;
     }
@@ -139,15 +142,27 @@ pub fn truth_of_model(
     let mut hasher = hash_rendered(scene, time)?;
     hasher.update(describe(&options).as_bytes());
     let name = name(hasher, "model", batch);
+    // one renderer a half: what its relit panorama is off by is noise of that half
+    let mut of_half: Option<(u32, Renderer)> = None;
     let make = |index: u32, tick: &mut dyn FnMut()| {
-        let options = RenderOptions { seed: options.seed.wrapping_add(index), ..options.clone() };
-        let mut renderer = Renderer::new(gpu, scene, options)?;
+        let mut renderer = match of_half.take() {
+            Some((half, mut renderer)) if half == index % 2 => {
+                renderer.restart_picture();
+                renderer
+            }
+            _ => {
+                let options = RenderOptions { seed: options.seed.wrapping_add(index), ..options.clone() };
+                Renderer::new(gpu, scene, options)?
+            }
+        };
         for _ in 0..batch {
             keep.go_on(&scene.name)?;
             renderer.render(scene, time)?;
             tick();
         }
-        renderer.picture()
+        let picture = renderer.picture()?;
+        of_half = Some((index % 2, renderer));
+        Ok(picture)
     };
     collect(options.size, [batch, count], &name, keep, make, tick)
 }
@@ -183,10 +198,10 @@ fn scene_viewpoint(options: &RenderOptions, camera: &Camera) -> Viewpoint {
     }
 }
 
-/// Samples of a batch, and an even number of batches that hold `spp`.
+/// Samples of a batch, and an even number of batches that hold `spp`, four a half at least.
 fn batches(spp: u32, most: u32) -> [u32; 2] {
-    let batch = spp.div_ceil(2).clamp(1, most);
-    [batch, 2 * spp.div_ceil(2 * batch).max(1)]
+    let batch = (spp / BATCHES).clamp(1, most);
+    [batch, 2 * spp.div_ceil(2 * batch).max(BATCHES / 2)]
 }
 
 /// Samples that are taken where `spp` are asked for, in batches of at most `most`.
@@ -205,12 +220,13 @@ fn collect(
     [batch, count]: [u32; 2],
     name: &str,
     keep: Keep,
-    make: impl Fn(u32, &mut dyn FnMut()) -> Result<Vec<[f32; 4]>>,
+    mut make: impl FnMut(u32, &mut dyn FnMut()) -> Result<Vec<[f32; 4]>>,
     tick: &mut dyn FnMut(),
 ) -> Result<Truth> {
     let folder = keep.folder.map(|folder| folder.join(name));
     let mut all: [Vec<Vec<[f32; 4]>>; 2] = Default::default();
-    for index in 0..count {
+    // one half after the other
+    for index in (0..count).step_by(2).chain((1..count).step_by(2)) {
         let file = folder.as_ref().map(|folder| folder.join(format!("{index:04}")));
         let kept = file.as_deref().and_then(|file| load(file, size));
         let texels = match kept {
@@ -310,10 +326,11 @@ mod tests {
 
     #[test]
     fn batches_are_even_and_hold_the_samples() {
-        assert_eq!(batches(1, 16), [1, 2]);
-        assert_eq!(batches(8, 16), [4, 2]);
-        assert_eq!(batches(64, 16), [16, 4]);
-        assert_eq!(batches(65, 16), [16, 6]);
+        assert_eq!(batches(1, 16), [1, 8]);
+        assert_eq!(batches(8, 16), [1, 8]);
+        assert_eq!(batches(64, 16), [8, 8]);
+        assert_eq!(batches(65, 16), [8, 10]);
+        assert_eq!(batches(256, 16), [16, 16]);
     }
 
     #[test]

@@ -65,7 +65,7 @@ impl Sweep {
     pub fn points(self) -> Vec<Spec> {
         let mut points: Vec<Spec> = [Method::Iprt, Method::Paper, Method::Ibl].map(Spec::method).into();
         match self {
-            Self::Methods => points.extend([Method::Paper, Method::Ibl].map(|method| Spec::limit(method, 64))),
+            Self::Methods => points.extend([Method::Paper, Method::Ibl].map(|method| Spec::limit(method, 256))),
             Self::Small => points.extend([1, 4, 16].map(Spec::reference)),
             Self::Full => {
                 points.extend([Method::Paper, Method::Ibl].map(|method| Spec::limit(method, 256)));
