@@ -66,6 +66,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(document) = &args.markdown {
         markdown::find(document, sweep.name())?;
     }
+    measure::chart::run::make_folder(&args.output)?;
     let names = if args.scenes.is_empty() { rooms::NAMES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
     let gpu = args.device.open()?;
     let cases = names
@@ -90,6 +91,8 @@ pub fn run(args: &Args) -> Result<()> {
     })?;
     bar.finish_and_clear();
     write_bytes(&args.output.join("chart.csv"), chart.csv().as_bytes())?;
+    chart.write_figure(&args.output)?;
+    chart.write_page(&args.output)?;
     if let Some(document) = &args.markdown {
         markdown::insert(document, sweep.name(), &chart.markdown())?;
     }

@@ -12,7 +12,7 @@ use crate::{
     measure::{
         bench::{PASSES, quantile},
         metrics::Picture,
-        score::Scorer,
+        score::{Scorer, Scores},
     },
     reference::cache::Keep,
     renderer::{RenderOptions, Renderer},
@@ -23,8 +23,8 @@ use std::{collections::BTreeMap, path::Path, time::Instant};
 
 /// Frames before times are taken: shaders are compiled, histories are young.
 pub const WARM_UP: u32 = 5;
-/// Frames of a round that only takes times, warm-up included.
-pub const TIMED_FRAMES: u32 = WARM_UP + 8;
+/// Frames that are timed in a later round.
+pub const TIMED: u32 = 8;
 /// Frames a second of the moving scene.
 const MOVING_FPS: f64 = 30.0;
 
@@ -35,6 +35,8 @@ pub(super) struct Target<'a> {
     pub spec: &'a Spec,
     /// Of the chart's size.
     pub options: RenderOptions,
+    /// The first is 0; each has its own seed.
+    pub round: u32,
     pub chart: &'a ChartOptions,
     pub scorer: &'a Scorer,
     /// Seconds.
@@ -53,7 +55,11 @@ pub(super) fn measure(gpu: &Gpu, target: &Target, key: &str, keep: Keep) -> Resu
         keep.go_on(&target.folder.display().to_string())?;
         clock.frame(&mut renderer, target.scene, target.time)?;
         if looked_at.contains(&frame) {
-            outcomes.push(outcome(target, &renderer, frame, false)?);
+            let outcome = outcome(target, &renderer, frame, false)?;
+            if frame == spec.frames.unwrap_or(chart.main_frames()) {
+                clock.scores = Some(outcome.scores);
+            }
+            outcomes.push(outcome);
         }
     }
     let memory = gpu.device_bytes();
@@ -94,12 +100,16 @@ pub(super) fn measure(gpu: &Gpu, target: &Target, key: &str, keep: Keep) -> Resu
     Ok(point)
 }
 
-/// One more round of times.
-pub(super) fn time_again(gpu: &Gpu, target: &Target) -> Result<Round> {
+/// One more round: times, and the main picture of another seed.
+pub(super) fn measure_again(gpu: &Gpu, target: &Target, keep: Keep) -> Result<Round> {
     let mut renderer = renderer(gpu, target)?;
     let mut clock = Clock::default();
-    for _ in 0..TIMED_FRAMES {
+    for frame in 1..=target.chart.again_frames(target.spec) {
+        keep.go_on(&target.folder.display().to_string())?;
         clock.frame(&mut renderer, target.scene, target.time)?;
+        if frame == target.spec.frames.unwrap_or(target.chart.main_frames()) {
+            clock.scores = Some(target.scorer.score(&picture(target, &renderer)?)?);
+        }
     }
     let prepare = renderer.prepared().entries.iter().filter(|(name, _)| PREPARE.contains(&name.as_str()));
     Ok(clock.round(prepare.map(|(_, ms)| ms).sum()))
@@ -112,6 +122,7 @@ fn renderer(gpu: &Gpu, target: &Target) -> Result<Renderer> {
     let mut options = target.options.clone();
     let scaled = |side: u32| ((side as f32 * target.spec.scale).round() as u32).max(1);
     options.size = options.size.map(scaled);
+    options.seed = options.seed.wrapping_add(target.round);
     Renderer::new(gpu, target.scene, options)
 }
 
@@ -131,9 +142,14 @@ fn moves(scene: &Scene, time: f64, frames: u32) -> bool {
         || scene.panorama.frame_at(time) != scene.panorama.frame_at(end)
 }
 
+/// What is shown, in the chart's size.
+fn picture(target: &Target, renderer: &Renderer) -> Result<Vec<[f32; 4]>> {
+    Ok(stretch(&renderer.picture()?, renderer.options().size, target.scorer.size))
+}
+
 fn outcome(target: &Target, renderer: &Renderer, frames: u32, moving: bool) -> Result<Outcome> {
     let size = target.scorer.size;
-    let texels = stretch(&renderer.picture()?, renderer.options().size, size);
+    let texels = picture(target, renderer)?;
     let scores = target.scorer.score(&texels)?;
     let motion = if moving { "-moving" } else { "" };
     let stem = format!("{PICTURES}/{}-{}-{frames}{motion}", file_name(target.name), file_name(&target.spec.name));
@@ -151,6 +167,7 @@ fn outcome(target: &Target, renderer: &Renderer, frames: u32, moving: bool) -> R
 struct Clock {
     frames: u32,
     timed: Vec<(Timings, f64)>,
+    scores: Option<Scores>,
 }
 
 impl Clock {
@@ -176,6 +193,7 @@ impl Clock {
             wall_ms: self.timed.iter().map(|(_, ms)| *ms).collect(),
             passes: passes.into_iter().map(|(name, mut ms)| (name, quantile(&mut ms, 0.5))).collect(),
             prepare_ms,
+            scores: self.scores,
         }
     }
 }

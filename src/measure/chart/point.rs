@@ -41,6 +41,8 @@ pub struct Conditions {
     pub projection: String,
     /// Seed of all random numbers.
     pub seed: u32,
+    /// The number of frames after which pictures are compared where one is enough; all rounds score it.
+    pub main_frames: u32,
 }
 
 /// A scene, its truths, and what no method is needed for.
@@ -106,6 +108,38 @@ pub struct Round {
     pub passes: BTreeMap<String, f64>,
     /// GPU milliseconds of what is done once a video frame.
     pub prepare_ms: f64,
+    /// The still picture after the chart's main number of frames, of another seed in each round; none where a round is too short.
+    pub scores: Option<Scores>,
+}
+
+/// What a picture is held against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Truth {
+    /// `reference --model panorama`.
+    Model,
+    /// `reference --model scene`.
+    Scene,
+}
+
+impl Truth {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Scene, Self::Model];
+
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Model => "model truth",
+            Self::Scene => "scene truth",
+        }
+    }
+
+    /// The score against it, where there is one.
+    pub fn of(self, scores: &Scores) -> Option<&Score> {
+        match self {
+            Self::Model => Some(&scores.model),
+            Self::Scene => scores.scene.as_ref(),
+        }
+    }
 }
 
 /// A picture after so many frames.
@@ -191,6 +225,17 @@ impl ChartPoint {
         self.outcomes.iter().find(|outcome| !outcome.moving && outcome.frames == frames)
     }
 
+    /// FLIP of the still picture after `main_frames`, over the rounds: each had its own seed.
+    pub fn flip(&self, main_frames: u32, truth: Truth, region: &str) -> Option<Spread> {
+        let of = |scores: &Scores| Some(truth.of(scores)?.region(region)?.flip);
+        let rounds: Vec<Vec<f64>> =
+            self.rounds.iter().filter_map(|round| Some(vec![of(round.scores.as_ref()?)?])).collect();
+        Spread::of(&rounds).or_else(|| {
+            let flip = of(&self.still(main_frames)?.scores)?;
+            Some(Spread { median: flip, low: flip, high: flip })
+        })
+    }
+
     /// The picture of the moving scene.
     pub fn moving(&self) -> Option<&Outcome> {
         self.outcomes.iter().find(|outcome| outcome.moving)
@@ -213,6 +258,13 @@ impl Spread {
 
     fn times(self, factor: f64) -> Self {
         Self { median: self.median * factor, low: self.low * factor, high: self.high * factor }
+    }
+}
+
+impl ChartScene {
+    /// What its pictures are shown against: scene truth where it is known.
+    pub fn best(&self) -> Truth {
+        if self.floor.is_some() { Truth::Scene } else { Truth::Model }
     }
 }
 

@@ -2,7 +2,7 @@
 //! them. Each result is in the chart's file before the next is begun; what is there is not measured again.
 
 use super::{
-    measure::{measure, time_again},
+    measure::{TIMED, WARM_UP, measure, measure_again},
     pictures::{write_difference, write_picture},
     point::{Chart, ChartPoint, ChartScene, Conditions},
     sweep::Spec,
@@ -86,7 +86,20 @@ impl ChartOptions {
 
     fn round_work(&self, spec: &Spec, round: u32) -> u64 {
         let still = spec.frames.or(self.frames.last().copied()).unwrap_or(0);
-        u64::from(if round == 0 { still + self.moving_frames } else { super::measure::TIMED_FRAMES })
+        u64::from(if round == 0 { still + self.moving_frames } else { self.again_frames(spec) })
+    }
+
+    /// Of [`ChartOptions::frames`] the largest up to 16, or else the least.
+    pub fn main_frames(&self) -> u32 {
+        let fits = self.frames.iter().copied().filter(|frames| *frames <= 16).max();
+        fits.or(self.frames.first().copied()).unwrap_or(1)
+    }
+
+    /// Frames of a round after the first: enough for times, and for the main picture where that takes not many.
+    pub fn again_frames(&self, spec: &Spec) -> u32 {
+        let timed = WARM_UP + TIMED;
+        let main = spec.frames.unwrap_or(self.main_frames());
+        if main <= 2 * timed { main.max(timed) } else { timed }
     }
 
     fn render_options(&self, settings: Settings, method: Method) -> RenderOptions {
@@ -133,12 +146,12 @@ pub fn run(
                 match known {
                     Some(point) if point.rounds.len() as u32 > round => {}
                     Some(point) => {
-                        point.rounds.push(time_again(gpu, &bench.target(spec)?)?);
+                        point.rounds.push(measure_again(gpu, &bench.target(spec, round)?, keep)?);
                         point.summarise();
                         chart.save(folder)?;
                     }
                     None => {
-                        let point = measure(gpu, &bench.target(spec)?, key, keep)?;
+                        let point = measure(gpu, &bench.target(spec, 0)?, key, keep)?;
                         chart.points.push(point);
                         chart.save(folder)?;
                     }
@@ -150,11 +163,20 @@ pub fn run(
     Ok(chart)
 }
 
+/// Makes the folder of a chart, where it does not exist.
+///
+/// # Errors
+/// It cannot be made.
+pub fn make_folder(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder.join(PICTURES)).map_err(|error| {
+        let problem = format!("cannot be made: {}", error.kind());
+        Error::input(folder.display(), problem, "give a folder that can be written")
+    })
+}
+
 /// The chart in a folder, or an empty one.
 fn open(gpu: &Gpu, options: &ChartOptions, folder: &Path) -> Result<Chart> {
-    fs::create_dir_all(folder.join(PICTURES)).map_err(|error| {
-        Error::input(folder.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
-    })?;
+    make_folder(folder)?;
     let of = Conditions {
         version: format!("{} {:016x}", env!("CARGO_PKG_VERSION"), shaders::DIGEST),
         device: gpu.device_name().to_owned(),
@@ -162,6 +184,7 @@ fn open(gpu: &Gpu, options: &ChartOptions, folder: &Path) -> Result<Chart> {
         size: options.size,
         projection: format!("{:?}", options.projection).to_lowercase(),
         seed: options.seed,
+        main_frames: options.main_frames(),
     };
     let Some(chart) = Chart::load(folder)? else {
         let chart = Chart { of, scenes: Vec::new(), points: Vec::new() };
@@ -180,8 +203,8 @@ impl Conditions {
     pub fn text(&self) -> String {
         let [width, height] = self.size;
         format!(
-            "{} ({}), {width}×{height} {}, seed {}, version {}",
-            self.device, self.driver, self.projection, self.seed, self.version
+            "{} ({}), {width}×{height} {}, seed {}, {} frames, version {}",
+            self.device, self.driver, self.projection, self.seed, self.main_frames, self.version
         )
     }
 }
@@ -281,13 +304,14 @@ impl<'a> Bench<'a> {
         self.keys.contains(&point.key) || (same_truths && !asked_for)
     }
 
-    fn target(&'a self, spec: &'a Spec) -> Result<super::measure::Target<'a>> {
+    fn target(&'a self, spec: &'a Spec, round: u32) -> Result<super::measure::Target<'a>> {
         let settings = spec.settings(&self.of_scene, &self.case.name)?;
         Ok(super::measure::Target {
             scene: &self.case.scene,
             name: &self.case.name,
             spec,
             options: self.options.render_options(settings, spec.method),
+            round,
             chart: self.options,
             scorer: &self.scorer,
             time: self.scene.time,
