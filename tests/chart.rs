@@ -6,6 +6,7 @@ use common::{ball, camera, lambert, options, room, scene, validated};
 use glam::{Vec3, vec3};
 use iprt::{
     Error,
+    image_file::read::read,
     measure::chart::{Case, Chart, ChartOptions, point::FILE, run, sweep::Sweep},
     passes::view::Projection,
     reference::cache::{Keep, Truth, truth_of_model, truth_of_scene},
@@ -37,11 +38,10 @@ fn case() -> Case {
     walls.name = "walls".into();
     let walls = Arc::new(iprt::scene::model::Model::from_mesh(Shape::Box.mesh(EXTENT), walls));
     let complete = |objects| CompleteScene::assemble("test", walls.clone(), eye.clone(), objects).expect("fits");
-    Case {
-        name: "test room".to_owned(),
-        scene: scene(panorama, eye.clone(), vec![grey.clone()]),
-        complete: Some([complete(vec![grey]), complete(Vec::new())]),
-    }
+    let mut scene = scene(panorama, eye.clone(), vec![grey.clone()]);
+    // the relit panorama would take most of the time
+    scene.render.set.insert("relight_width".to_owned(), toml::Value::Integer(16));
+    Case { name: "test room".to_owned(), scene, complete: Some([complete(vec![grey]), complete(Vec::new())]) }
 }
 
 fn chart_options() -> ChartOptions {
@@ -113,6 +113,7 @@ fn points_are_measured_once_however_often_it_is_interrupted() {
         assert_eq!((chart.points.len(), seen.len()), (4, 4));
         assert_eq!(Chart::load(&out).expect("a chart"), Some(chart.clone()));
         check_points(&chart, &out);
+        check_documents(&chart, &out);
 
         // Of another size it is another chart; of another seed of the truth, too.
         let other = ChartOptions { size: [32, 24], ..options.clone() };
@@ -141,6 +142,49 @@ fn check_points(chart: &Chart, out: &Path) {
     assert!(csv.lines().all(|line| line.split(',').count() == columns), "{csv}");
 }
 
+/// What people open: it holds every point, and needs nothing that is not in it.
+fn check_documents(chart: &Chart, out: &Path) {
+    chart.write_figure(out).expect("writes");
+    chart.write_page(out).expect("writes");
+    let page = fs::read_to_string(out.join("chart.html")).expect("a page");
+    let drawing = fs::read_to_string(out.join("chart.svg")).expect("a drawing");
+    for elsewhere in ["http:", "https:", "src=\"pictures", "<link", "@import", "url("] {
+        assert!(!page.contains(elsewhere), "{elsewhere}");
+    }
+    let linked: Vec<&str> = page.split("href=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert!(
+        linked.iter().all(|link| page.contains(&format!("id=\"{}\"", &link[1..]))),
+        "links lead to rows of the page"
+    );
+    for point in &chart.points {
+        assert!(page.contains(&format!(">{}</b>", point.name)), "{} has no row", point.name);
+        assert!(drawing.contains(&format!("<title>{}&#10;", point.name)), "{} is not drawn", point.name);
+        for (name, value) in &point.settings {
+            assert!(page.contains(&format!("{name} = {value}")), "{name} of {}", point.name);
+        }
+    }
+    // rooms of the truth and its regions, and a picture and a difference of each point
+    assert_eq!(page.matches("data:image/png;base64,").count(), 4 + 2 * chart.points.len());
+    let findings = chart.findings(&chart.scenes[0]);
+    let settings: Vec<&str> = findings.iter().map(|finding| finding.setting.as_str()).collect();
+    assert_eq!(settings, ["rays_per_pixel", "scale"]);
+    assert!(findings[0].sentences[0].starts_with("1 instead of 0.25 "), "{findings:?}");
+    let png = read(&out.join("chart.png")).expect("an image").into_color("chart.png").expect("RGB");
+    let dark = png.texels.iter().filter(|texel| texel[0] + texel[1] + texel[2] < 1.0).count();
+    assert!(png.size[0] > 1000 && dark > 500, "{:?}, {dark} dark pixels", png.size);
+    let document = out.join("table.md");
+    fs::write(&document, "<!-- chart full: here -->\n<!-- end of chart full -->\n").expect("writes");
+    chart.write_markdown(out, &document, "full").expect("writes");
+    let table = fs::read_to_string(&document).expect("reads");
+    assert!(
+        table.contains("](images/full-test_room.png)") && out.join("images/full-test_room.png").is_file(),
+        "{table}"
+    );
+    for point in &chart.points {
+        assert!(table.contains(&format!("| `{}` |", point.name)), "{table}");
+    }
+}
+
 #[test]
 fn truths_are_kept_checked_and_made_anew_for_other_settings() {
     validated(|gpu| {
@@ -149,7 +193,8 @@ fn truths_are_kept_checked_and_made_anew_for_other_settings() {
         let options = options(Method::Reference, &[]);
         let samples = Cell::new(0);
         let model = |set: &[(&str, &str)], spp| -> Truth {
-            let set: Vec<_> = set.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+            let coarse = [("relight_width", "16")];
+            let set: Vec<_> = coarse.iter().chain(set).map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
             let mut tick = || samples.set(samples.get() + 1);
             truth_of_model(gpu, &case.scene, &options, &set, 0.0, spp, keep(cache.path()), &mut tick).expect("a truth")
         };

@@ -11,8 +11,11 @@ use crate::{
     reference::{cache::Keep, capture::cache_folder},
     scene::rooms,
 };
-use indicatif::{ProgressBar, ProgressStyle};
-use std::path::{Path, PathBuf};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use std::{
+    io::IsTerminal,
+    path::{Path, PathBuf},
+};
 
 /// Arguments of `iprt chart`.
 #[derive(Clone, Debug, clap::Args)]
@@ -82,19 +85,18 @@ pub fn run(args: &Args) -> Result<()> {
         let problem = format!("two scenes are called \"{}\"", twice.1.name);
         return Err(Error::input("SCENE", problem, "rename a file or its folder"));
     }
-    let bar = bar(args.quiet, options.work(&cases));
+    let mut progress = Progress::new(args.quiet, options.work(&cases));
     let cache = cache_folder();
     let keep = Keep { folder: cache.as_deref(), stop: interrupted() };
     let chart = measure::chart::run(&gpu, &cases, &options, &args.output, keep, &mut |work, what| {
-        bar.set_message(what.to_owned());
-        bar.inc(work);
+        progress.show(work, what);
     })?;
-    bar.finish_and_clear();
+    progress.bar.finish_and_clear();
     write_bytes(&args.output.join("chart.csv"), chart.csv().as_bytes())?;
     chart.write_figure(&args.output)?;
     chart.write_page(&args.output)?;
     if let Some(document) = &args.markdown {
-        markdown::insert(document, sweep.name(), &chart.markdown())?;
+        chart.write_markdown(&args.output, document, sweep.name())?;
     }
     if !args.quiet {
         super::print(&format!("{}: {} points", args.output.display(), chart.points.len()))?;
@@ -135,13 +137,34 @@ fn label(name: &str) -> String {
     }
 }
 
-fn bar(quiet: bool, work: u64) -> ProgressBar {
-    if quiet {
-        return ProgressBar::hidden();
+/// A bar with the time left; where standard error is no terminal, a line whenever something else is begun.
+struct Progress {
+    bar: ProgressBar,
+    lines: bool,
+    begun: String,
+}
+
+impl Progress {
+    fn new(quiet: bool, work: u64) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(work) };
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left") {
+            bar.set_style(style);
+        }
+        Self { bar, lines: !quiet && !std::io::stderr().is_terminal(), begun: String::new() }
     }
-    let bar = ProgressBar::new(work);
-    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left") {
-        bar.set_style(style);
+
+    fn show(&mut self, work: u64, what: &str) {
+        self.bar.inc(work);
+        if self.begun == what {
+            return;
+        }
+        what.clone_into(&mut self.begun);
+        self.bar.set_message(what.to_owned());
+        if self.lines {
+            let percent = 100 * self.bar.position() / self.bar.length().unwrap_or(0).max(1);
+            // before that it is a guess from very little
+            let left = if percent < 2 { String::new() } else { format!(" ({} left)", HumanDuration(self.bar.eta())) };
+            eprintln!("{percent} %: {what}{left}");
+        }
     }
-    bar
 }

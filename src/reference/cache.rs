@@ -29,13 +29,15 @@ use std::{
 /// What a batch's file starts with.
 const MAGIC: &[u8] = b"iprt truth 1\n";
 /// Changes when this program computes truths otherwise without a change of a shader.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Samples of a batch of scene truth.
 pub const SCENE_BATCH: u32 = 16;
 /// Paths of a batch of model truth.
 pub const MODEL_BATCH: u32 = 16;
 /// Frames that the relit panorama of each half of model truth is accumulated for before the first batch.
 pub const MODEL_WARM_UP: u32 = 64;
+/// Added to the seed, so that no picture is held against a truth made of the same random numbers.
+const SEED: u32 = 0x7472_7574;
 /// Batches at least.
 const BATCHES: u32 = 8;
 /// A batch so many times as bright as the rest is left out.
@@ -103,7 +105,7 @@ pub fn truth_of_scene(
     hasher.update(bytemuck::bytes_of(&view)).update(bytemuck::bytes_of(&state.camera.position));
     let name = name(hasher, "scene", batch);
     let make = |index: u32, tick: &mut dyn FnMut()| {
-        let settings = PathSettings::unbiased(options.size, options.seed.wrapping_add(index));
+        let settings = PathSettings::unbiased(options.size, options.seed.wrapping_add(SEED + index));
         let centre = state.camera.position;
         let mut tracer = PathTracer::new(gpu, &scene.packed, &state.instances, centre, &viewpoint, &settings)?;
         for _ in 0..batch {
@@ -151,7 +153,7 @@ pub fn truth_of_model(
                 renderer
             }
             _ => {
-                let options = RenderOptions { seed: options.seed.wrapping_add(index), ..options.clone() };
+                let options = RenderOptions { seed: options.seed.wrapping_add(SEED + index), ..options.clone() };
                 Renderer::new(gpu, scene, options)?
             }
         };

@@ -2,6 +2,7 @@
 
 use super::{
     draw::{escape, group_color, pass_color},
+    pictures::Codes,
     point::{Chart, ChartScene},
     scatter::{self, Panel},
 };
@@ -82,7 +83,7 @@ impl Chart {
     pub fn write_figure(&self, folder: &Path) -> Result<()> {
         let svg = self.svg();
         write_bytes(&folder.join("chart.svg"), svg.as_bytes())?;
-        let (size, codes) = pixels(&svg)?;
+        let (size, codes) = pixels(&svg, ZOOM)?;
         write_png(&folder.join("chart.png"), size, &codes, 3)
     }
 }
@@ -93,8 +94,11 @@ pub fn panel_title(scene: &ChartScene, panel: &Panel) -> String {
     format!("{}: {} pixels{moving}, {}", scene.name, panel.region, panel.truth.name())
 }
 
-/// Draws an SVG as 8-bit RGB. Its text takes fonts of the system.
-fn pixels(svg: &str) -> Result<([u32; 2], Vec<u8>)> {
+/// Draws an SVG as 8-bit RGB, so many pixels for one of its own. Its text takes fonts of the system.
+///
+/// # Errors
+/// An SVG that is none.
+pub fn pixels(svg: &str, zoom: f32) -> Result<Codes> {
     let internal = |error: &dyn std::fmt::Display| Error::Internal(format!("drawing the chart: {error}"));
     let mut options = usvg::Options::default();
     options.fontdb_mut().load_system_fonts();
@@ -102,9 +106,9 @@ fn pixels(svg: &str) -> Result<([u32; 2], Vec<u8>)> {
         tracing::warn!("there is no font on this system: the PNG of the chart has no text; the SVG has");
     }
     let tree = usvg::Tree::from_str(svg, &options).map_err(|error| internal(&error))?;
-    let size = tree.size().to_int_size().scale_by(ZOOM).ok_or_else(|| internal(&"it has no size"))?;
+    let size = tree.size().to_int_size().scale_by(zoom).ok_or_else(|| internal(&"it has no size"))?;
     let mut pixmap = tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| internal(&"it is too large"))?;
-    resvg::render(&tree, tiny_skia::Transform::from_scale(ZOOM, ZOOM), &mut pixmap.as_mut());
+    resvg::render(&tree, tiny_skia::Transform::from_scale(zoom, zoom), &mut pixmap.as_mut());
     // over a white rectangle: nothing is transparent
     let codes = pixmap.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
     Ok(([size.width(), size.height()], codes))

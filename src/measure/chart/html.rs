@@ -55,7 +55,7 @@ impl Chart {
         for scene in &self.scenes {
             self.scene(&mut out, scene, folder)?;
         }
-        let _ = write!(out, "<div id=\"tip\"></div><script>{SCRIPT}</script></body></html>\n");
+        let _ = writeln!(out, "<div id=\"tip\"></div><script>{SCRIPT}</script></body></html>");
         Ok(out)
     }
 

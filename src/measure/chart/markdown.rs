@@ -1,16 +1,92 @@
 //! A chart as Markdown tables, put between two marks of a document.
 
-use super::point::{Chart, ChartPoint, ChartScene, Cost, Outcome};
+use super::{
+    draw::short,
+    figure,
+    pictures::{Codes, strip},
+    point::{Chart, ChartPoint, ChartScene, Cost, Outcome, Truth},
+    run::file_name,
+};
 use crate::{
     Error, Result,
-    image_file::{read::read_bytes, write::write_bytes},
+    image_file::{
+        read::read_bytes,
+        write::{write_bytes, write_png},
+    },
     measure::score::{REGIONS, Score},
 };
 use std::{fmt::Write, path::Path};
 
+/// Beside a document, where its pictures are.
+const IMAGES: &str = "images";
+
 impl Chart {
-    /// A table for each scene. Errors are FLIP.
-    pub fn markdown(&self) -> String {
+    /// Puts the tables into a document, between its marks for `name` (see [`find`]), with pictures in `images/` beside it:
+    /// the methods', or the whole chart where settings were changed.
+    ///
+    /// # Errors
+    /// As [`find`]; what cannot be read or written.
+    pub fn write_markdown(&self, folder: &Path, document: &Path, name: &str) -> Result<()> {
+        find(document, name)?;
+        let images = document.parent().unwrap_or(Path::new("")).join(IMAGES);
+        std::fs::create_dir_all(&images).map_err(|error| {
+            Error::input(images.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
+        })?;
+        let mut text = self.markdown(|scene| {
+            let Some((title, (size, codes))) = self.methods_strip(folder, scene)? else { return Ok(String::new()) };
+            let file = format!("{name}-{}.png", file_name(&scene.name));
+            write_png(&images.join(&file), size, &codes, 3)?;
+            Ok(format!("\n![{title}]({IMAGES}/{file})\n\n*{title}*\n"))
+        })?;
+        if self.points.iter().any(|point| !point.base.is_empty()) {
+            let file = format!("{name}.png");
+            let (size, codes) = figure::pixels(&self.svg(), 1.0)?;
+            write_png(&images.join(&file), size, &codes, 3)?;
+            let _ = write!(text, "\n![Speed against accuracy]({IMAGES}/{file})\n");
+            for scene in &self.scenes {
+                let _ = write!(text, "\n#### What each setting buys and costs: {}\n\n", scene.name);
+                for finding in self.findings(scene) {
+                    let _ = writeln!(text, "* `{}`: {}", finding.setting, finding.sentences.join(" "));
+                }
+            }
+        }
+        insert(document, name, &text)
+    }
+
+    /// Truth and methods after the main number of frames; below each its difference from the truth.
+    fn methods_strip(&self, folder: &Path, scene: &ChartScene) -> Result<Option<(String, Codes)>> {
+        let truth = match scene.best() {
+            Truth::Scene => ["scene", "floor"],
+            Truth::Model => ["model", "regions"],
+        };
+        let [Some(top), Some(below)] = truth.map(|what| scene.pictures.get(what)) else { return Ok(None) };
+        let (mut pictures, mut differences, mut names) = (vec![top.as_str()], vec![below.as_str()], Vec::new());
+        for point in self.of_scene(&scene.name).filter(|point| point.group == "method") {
+            let Some(outcome) = point.still(self.of.main_frames) else { continue };
+            pictures.push(&outcome.picture);
+            differences.push(&outcome.difference);
+            names.push(format!("`{}`", point.name));
+        }
+        let first = match scene.best() {
+            Truth::Scene => "what `reference --model panorama` differs in",
+            Truth::Model => "the regions: virtual white, influenced grey",
+        };
+        let title = format!(
+            "{}: {}, then {} after {} frames; below, {first}, and each one's FLIP against {} (white: 0.5 or more)",
+            scene.name,
+            scene.best().name(),
+            names.join(", "),
+            self.of.main_frames,
+            scene.best().name()
+        );
+        Ok(Some((title, strip(folder, &[pictures, differences])?)))
+    }
+
+    /// A table for each scene, and below it what `below` adds. Errors are FLIP.
+    ///
+    /// # Errors
+    /// Those of `below`.
+    pub fn markdown(&self, mut below: impl FnMut(&ChartScene) -> Result<String>) -> Result<String> {
         let of = &self.of;
         let mut out = format!(
             "Device: {}. Driver: {}. {}×{} pixels, {}, seed {}.\n",
@@ -18,8 +94,9 @@ impl Chart {
         );
         for scene in &self.scenes {
             self.table(&mut out, scene);
+            out += &below(scene)?;
         }
-        out
+        Ok(out)
     }
 
     fn table(&self, out: &mut String, scene: &ChartScene) {
@@ -56,7 +133,11 @@ impl Chart {
         };
         row("nothing inserted", "", "", Some(&scene.nothing.model), scene.nothing.scene.as_ref());
         for point in self.of_scene(&scene.name) {
-            for outcome in point.outcomes.iter().filter(|outcome| !outcome.moving || point.group == "method") {
+            // of a changed setting the main picture alone
+            let told = |outcome: &&Outcome| {
+                point.base.is_empty() || (!outcome.moving && outcome.frames == self.of.main_frames)
+            };
+            for outcome in point.outcomes.iter().filter(told) {
                 let name = format!("`{}`{}", point.name, if outcome.moving { ", moving" } else { "" });
                 let scores = &outcome.scores;
                 row(
@@ -78,15 +159,6 @@ fn time(point: &ChartPoint, outcome: &Outcome) -> String {
     let frames = if point.cost == Cost::Picture { f64::from(outcome.frames) } else { 1.0 };
     let [low, median, high] = [point.ms.low, point.ms.median, point.ms.high].map(|ms| short(ms / frames));
     format!("{median} ({low}–{high})")
-}
-
-/// Three digits that count.
-fn short(value: f64) -> String {
-    match value {
-        v if v >= 100.0 => format!("{v:.0}"),
-        v if v >= 10.0 => format!("{v:.1}"),
-        v => format!("{v:.2}"),
-    }
 }
 
 fn cells(score: Option<&Score>) -> String {

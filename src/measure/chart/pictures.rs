@@ -1,8 +1,11 @@
 //! The pictures of a chart: what is seen, and where it differs from the truth.
 
 use crate::{
-    Result,
-    image_file::write::{write_display, write_png},
+    Error, Result,
+    image_file::{
+        read::read,
+        write::{display_code, write_display, write_png},
+    },
     measure::metrics::{Picture, flip_map},
     panorama::source::PanoramaSource,
 };
@@ -71,6 +74,47 @@ pub fn stretch(texels: &[[f32; 4]], from: [u32; 2], to: [u32; 2]) -> Vec<[f32; 4
         }
     }
     out
+}
+
+/// Widest strip of pictures, pixels: larger ones are halved until they fit.
+const WIDEST: u32 = 800;
+
+/// Width, height and 8-bit RGB, row 0 on top.
+pub type Codes = ([u32; 2], Vec<u8>);
+
+/// Files of a chart's folder put together in rows, equally long, as 8-bit RGB.
+///
+/// # Errors
+/// A file that cannot be read, or that has another size than the first.
+pub fn strip(folder: &Path, rows: &[Vec<&str>]) -> Result<Codes> {
+    let mut images = Vec::new();
+    for file in rows.iter().flatten() {
+        let path = folder.join(file);
+        let subject = path.display().to_string();
+        images.push((subject.clone(), read(&path)?.into_color(&subject)?));
+    }
+    let Some(size) = images.first().map(|(_, image)| image.size) else { return Ok(([0, 0], Vec::new())) };
+    if let Some((subject, _)) = images.iter().find(|(_, image)| image.size != size) {
+        return Err(Error::input(subject, "has another size than the others", "delete the folder and chart anew"));
+    }
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
+    let whole = [size[0] * columns, size[1] * rows.len() as u32];
+    let mut texels = vec![[1.0; 4]; whole[0] as usize * whole[1] as usize];
+    let places = rows.iter().enumerate().flat_map(|(y, row)| (0..row.len()).map(move |x| [x, y]));
+    for ((_, image), [x, y]) in images.iter().zip(places) {
+        for (line, source) in image.texels.chunks_exact(size[0] as usize).enumerate() {
+            let start = (y * size[1] as usize + line) * whole[0] as usize + x * size[0] as usize;
+            texels[start..start + source.len()].copy_from_slice(source);
+        }
+    }
+    let (mut size, mut texels) = (whole, texels);
+    while size[0] > WIDEST {
+        let half = size.map(|side| (side / 2).max(1));
+        texels = stretch(&texels, size, half);
+        size = half;
+    }
+    let codes = texels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(display_code)).collect();
+    Ok((size, codes))
 }
 
 #[cfg(test)]

@@ -29,7 +29,7 @@ pub struct Chart {
 /// What points must have in common to be compared.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Conditions {
-    /// Of this program: package version and a digest of its shaders.
+    /// Of this program: package version and a hash of its file.
     pub version: String,
     /// Vulkan device name.
     pub device: String,

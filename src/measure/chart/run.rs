@@ -10,6 +10,7 @@ use super::{
 use crate::{
     Error, Result,
     gpu::Gpu,
+    image_file::{read::read_bytes, write::write_png},
     measure::{
         metrics::Picture,
         score::{REGIONS, Scorer, real_view},
@@ -19,9 +20,8 @@ use crate::{
     renderer::RenderOptions,
     scene::{CompleteScene, Scene},
     settings::{Method, Settings},
-    shaders,
 };
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{collections::BTreeMap, env, fs, path::Path};
 
 /// A scene to chart.
 #[derive(Clone, Debug)]
@@ -163,6 +163,13 @@ pub fn run(
     Ok(chart)
 }
 
+/// The package's version and a hash of the program itself: times and pictures of another build are not mixed in.
+fn version() -> Result<String> {
+    let program = env::current_exe().map_err(|error| Error::Internal(format!("the program's own file: {error}")))?;
+    let hash = blake3::hash(&read_bytes(&program)?).to_hex();
+    Ok(format!("{} build {}", env!("CARGO_PKG_VERSION"), &hash[..12]))
+}
+
 /// Makes the folder of a chart, where it does not exist.
 ///
 /// # Errors
@@ -178,7 +185,7 @@ pub fn make_folder(folder: &Path) -> Result<()> {
 fn open(gpu: &Gpu, options: &ChartOptions, folder: &Path) -> Result<Chart> {
     make_folder(folder)?;
     let of = Conditions {
-        version: format!("{} {:016x}", env!("CARGO_PKG_VERSION"), shaders::DIGEST),
+        version: version()?,
         device: gpu.device_name().to_owned(),
         driver: gpu.driver().to_owned(),
         size: options.size,
@@ -234,9 +241,11 @@ impl<'a> Bench<'a> {
         let of_scene: Vec<(String, String)> = case.scene.render.set.iter().map(|(k, v)| (k.clone(), text(v))).collect();
         let base = options.render_options(Settings::of(Method::Reference), Method::Reference);
         let label = format!("{}, model truth", case.name);
+        tick(0, &label);
         let mut path = || tick(PATH_WORK, &label);
         let model = truth_of_model(gpu, &case.scene, &base, &of_scene, time, options.model_spp, keep, &mut path)?;
         let label = format!("{}, scene truth", case.name);
+        tick(0, &label);
         let mut sample = || tick(1, &label);
         let complete = match &case.complete {
             None => None,
@@ -353,7 +362,7 @@ fn truth_pictures(case: &Case, scorer: &Scorer, folder: &Path) -> Result<BTreeMa
         }
     };
     let codes: Vec<u8> = (0..regions.virtual_.len()).map(mark).collect();
-    write("regions", &|path| crate::image_file::write::write_png(path, size, &codes, 1))?;
+    write("regions", &|path| write_png(path, size, &codes, 1))?;
     Ok(pictures)
 }
 
