@@ -5,11 +5,20 @@ SHADERC = $(shell scripts/shaderc-flags)
 # cargo-nextest where it is installed.
 RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" || echo test)
 
-.PHONY: demo build test lint docs setup clean
+.PHONY: demo results chart build test lint docs setup clean
 
 demo: build
 	mkdir -p out
 	target/release/iprt render -o out/demo.png --timings 8
+
+# docs/results.md: every method in every room. Interrupted, it goes on where it was.
+ROOM = $(wildcard $(IPRT_DATA)/rooms/room/scene.toml)
+results: build
+	target/release/iprt chart apartment bedroom gallery $(ROOM) -o out/results --sweep methods --markdown docs/results.md
+
+# A small chart of the settings, made within ten minutes on two cores.
+chart: build
+	target/release/iprt chart apartment -o out/chart --sweep small --markdown docs/results.md
 
 build: setup
 	cargo build --release --locked $(SHADERC)

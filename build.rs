@@ -1,7 +1,11 @@
 //! Compiles every `shaders/glsl/*.comp` to SPIR-V for Vulkan 1.3 and writes `shaders.rs`: one `&[u32]` constant a
 //! pass, named as the file's stem in capitals. The tests' own shaders, `tests/glsl/*.comp`, go to `test_shaders.rs`.
 
-use std::{env, fs, path::PathBuf};
+use std::{
+    env, fs,
+    hash::{DefaultHasher, Hash, Hasher},
+    path::PathBuf,
+};
 
 fn main() {
     compile("shaders/glsl", "shaders.rs");
@@ -52,6 +56,13 @@ fn compile(sources: &str, table_name: &str) {
             words.join(",")
         );
     }
+    // stable for one compiler: another one's truths are merely computed again
+    let mut hasher = DefaultHasher::new();
+    table.hash(&mut hasher);
+    table += &format!(
+        "/// Changes with any of them.\n#[allow(dead_code)]\npub const DIGEST: u64 = {:#x};\n",
+        hasher.finish()
+    );
     fs::write(out.join(table_name), table).expect("OUT_DIR is writable");
 }
 

@@ -22,8 +22,8 @@
 //! * [`passes`]: one file a pass. Each runs on a [`passes::view::View`], the images and history of one picture, and finds what
 //!   it binds by GLSL name ([`passes::resources`]).
 //! * [`renderer`]: the frame.
-//! * [`mod@reference`]: scene truth by path tracing, and the panoramas of the built-in rooms made with it.
-//! * [`measure`]: pass times.
+//! * [`mod@reference`]: scene truth by path tracing, the panoramas of the built-in rooms made with it, and truths that are kept.
+//! * [`measure`]: pass times, errors by region against both truths, and the [`measure::chart`] of speed against accuracy.
 //! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
 //!
 //! # The frame

@@ -138,7 +138,7 @@ impl Renderer {
     /// Renders the scene at a time in seconds. Motion is measured from the time of the previous call.
     pub fn render(&mut self, scene: &Scene, time: f64) -> Result<Timings> {
         let state = self.advance(scene, time)?;
-        if self.picture.history_reset.is_some() {
+        if self.relight.first().is_some_and(|map| map.history_reset.is_some()) {
             self.warm_up_relight(&state)?;
         }
         self.upload_views(&state)?;
@@ -371,6 +371,11 @@ impl Renderer {
         for view in std::iter::once(&mut self.picture).chain(&mut self.relight) {
             view.history_reset = Some(reason);
         }
+    }
+
+    /// Drops the picture's history alone: what is accumulated next is independent of it, but for the relit panorama.
+    pub fn restart_picture(&mut self) {
+        self.picture.history_reset = Some("another picture is begun");
     }
 
     /// The picture: linear radiance, RGBA, row 0 at the top.

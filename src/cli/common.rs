@@ -10,7 +10,10 @@ use crate::{
     settings::{Method, Settings},
 };
 use indicatif::{ProgressBar, ProgressStyle};
-use std::path::Path;
+use std::{
+    path::Path,
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 /// The device.
 #[derive(Clone, Debug, clap::Args)]
@@ -116,11 +119,7 @@ impl PictureArgs {
 impl PictureArgs {
     /// `--projection`.
     pub fn projection(&self) -> Result<Projection> {
-        match self.projection.as_str() {
-            "perspective" => Ok(Projection::Perspective),
-            "equirect" => Ok(Projection::Equirect),
-            other => Err(Error::input("--projection", format!("unknown \"{other}\""), "use perspective or equirect")),
-        }
+        parse_projection(&self.projection)
     }
 
     /// `--size`, the scene's own where it is not given.
@@ -130,14 +129,7 @@ impl PictureArgs {
 
     /// The complete true scene of a scene file that names its room, or of a built-in room.
     pub fn complete_scene(&self) -> Result<CompleteScene> {
-        let name = self.scene.as_deref().unwrap_or(rooms::NAMES[0]);
-        let scene = match rooms::by_name(name) {
-            Some(room) => {
-                let objects = if self.without_objects { Vec::new() } else { room.objects };
-                CompleteScene::assemble(room.name, room.model, room.camera, objects)?
-            }
-            None => CompleteScene::load(Path::new(name), self.without_objects)?,
-        };
+        let scene = complete(self.scene.as_deref().unwrap_or(rooms::NAMES[0]), self.without_objects)?;
         if !self.quiet {
             for warning in &scene.warnings {
                 eprintln!("warning: {warning}");
@@ -154,6 +146,29 @@ pub fn open_scene(gpu: &Gpu, name: Option<&str>, quiet: bool) -> Result<Scene> {
         return built_in_scene(gpu, &room, &CaptureSettings { progress: !quiet, ..CaptureSettings::default() });
     }
     Scene::load(Path::new(name))
+}
+
+/// The complete true scene of a built-in room or of a scene file.
+///
+/// # Errors
+/// A scene file that does not name its room.
+pub fn complete(name: &str, without_objects: bool) -> Result<CompleteScene> {
+    match rooms::by_name(name) {
+        Some(room) => {
+            let objects = if without_objects { Vec::new() } else { room.objects };
+            CompleteScene::assemble(room.name, room.model, room.camera, objects)
+        }
+        None => CompleteScene::load(Path::new(name), without_objects),
+    }
+}
+
+/// `perspective` or `equirect`.
+pub fn parse_projection(name: &str) -> Result<Projection> {
+    match name {
+        "perspective" => Ok(Projection::Perspective),
+        "equirect" => Ok(Projection::Equirect),
+        other => Err(Error::input("--projection", format!("unknown \"{other}\""), "use perspective or equirect")),
+    }
 }
 
 /// `WxH`.
@@ -181,6 +196,15 @@ pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
             "write for example --frames 0..11, both included",
         )),
     }
+}
+
+/// Set by Ctrl-C and by a polite `kill`: what is in flight is finished and what was done is kept.
+pub fn interrupted() -> &'static AtomicBool {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
+        tracing::warn!("Ctrl-C will not keep what was done: {error}");
+    }
+    &STOP
 }
 
 /// A progress bar on standard error; hidden where it is not a terminal or `quiet`.

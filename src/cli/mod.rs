@@ -3,6 +3,7 @@
 
 pub mod bench;
 pub mod capture;
+pub mod chart;
 pub mod check;
 pub mod common;
 pub mod compare;
@@ -44,6 +45,8 @@ pub enum Command {
     Reference(reference::Args),
     /// Path-trace the RGBD panorama of a room
     Capture(capture::Args),
+    /// Chart speed against accuracy: methods, and every setting
+    Chart(chart::Args),
     /// Measure how far a picture is from the truth
     Compare(compare::Args),
     /// Write which pixels show objects, and which they influence
@@ -63,6 +66,7 @@ impl Command {
             Self::Bench(args) => bench::run(&args),
             Self::Reference(args) => reference::run(&args),
             Self::Capture(args) => capture::run(&args),
+            Self::Chart(args) => chart::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Masks(args) => masks::run(&args),
             Self::Check(args) => check::run(&args),

@@ -1,7 +1,7 @@
 //! `iprt reference`: converged pictures, of the method's own model or of the complete true scene.
 
 use super::{
-    common::{PictureArgs, parse_frames, progress},
+    common::{PictureArgs, interrupted, parse_frames, progress},
     render::{Kind, check_aovs, require_folder, write},
 };
 use crate::{
@@ -15,10 +15,7 @@ use crate::{
     settings::Method,
 };
 use indicatif::{ProgressBar, ProgressStyle};
-use std::{
-    path::PathBuf,
-    sync::atomic::{AtomicBool, Ordering},
-};
+use std::path::PathBuf;
 
 /// Arguments of `iprt reference`.
 #[derive(Clone, Debug, clap::Args)]
@@ -160,15 +157,6 @@ fn scene(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
 
 fn so_far(what: &str, count: u32, noise: f64) -> String {
     format!("{count} {what} a pixel, standard error {:.2} % of the mean", 100.0 * noise)
-}
-
-/// Set by Ctrl-C and by a polite `kill`: the sample in flight is finished and what was done is kept.
-fn interrupted() -> &'static AtomicBool {
-    static STOP: AtomicBool = AtomicBool::new(false);
-    if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
-        tracing::warn!("Ctrl-C will not keep what was done: {error}");
-    }
-    &STOP
 }
 
 /// Progress towards a goal, with the noise so far.

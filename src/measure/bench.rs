@@ -183,7 +183,7 @@ fn pass_time(name: &str, samples: &[Sample], settings: &Settings, renderer: &Ren
 }
 
 /// Sorts, and interpolates between the two nearest ranks; 0 for nothing.
-pub(super) fn quantile(values: &mut [f64], q: f64) -> f64 {
+pub(crate) fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let Some(last) = values.len().checked_sub(1) else { return 0.0 };
     let place = q * last as f64;

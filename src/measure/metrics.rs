@@ -2,7 +2,7 @@
 
 use crate::{Error, Result, image_file::write::display_code};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Linear radiance, row 0 on top.
 #[derive(Clone, Copy, Debug)]
@@ -16,7 +16,7 @@ pub struct Picture<'a> {
 }
 
 /// All metrics over a region.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// Root of the mean squared difference of radiance.
     pub rmse: f64,
@@ -31,6 +31,7 @@ pub struct Metrics {
     /// Largest difference of radiance.
     pub max_abs: f64,
     /// Mean of the test over mean of the truth; 1 where both are black.
+    #[serde(deserialize_with = "or_infinite")]
     pub mean_ratio: f64,
     /// Pixels in the region.
     pub pixels: u64,
@@ -77,11 +78,39 @@ pub fn flip_map(test: Picture, truth: Picture, exposure: f32) -> Result<Vec<f32>
 /// # Errors
 /// Sizes that differ, radiance that is not finite, an empty region.
 pub fn compare(test: Picture, truth: Picture, mask: Option<&[bool]>, exposure: f32) -> Result<Metrics> {
+    let mut metrics = compare_regions(test, truth, &[mask], exposure)?;
+    metrics
+        .pop()
+        .flatten()
+        .ok_or_else(|| Error::input("--mask", "no pixel is in the region", "give a mask with a bright part"))
+}
+
+/// As [`compare`], over several regions; `None` for one without a pixel.
+///
+/// # Errors
+/// Sizes that differ, radiance that is not finite.
+pub fn compare_regions(
+    test: Picture,
+    truth: Picture,
+    masks: &[Option<&[bool]>],
+    exposure: f32,
+) -> Result<Vec<Option<Metrics>>> {
     let flip = flip_map(test, truth, exposure)?;
     let ssim = ssim_map(&displayed(test, exposure), &displayed(truth, exposure), test.size);
+    Ok(masks.iter().map(|mask| over(test, truth, *mask, exposure, &flip, &ssim)).collect())
+}
+
+fn over(
+    test: Picture,
+    truth: Picture,
+    mask: Option<&[bool]>,
+    exposure: f32,
+    flip: &[f32],
+    ssim: &[f32],
+) -> Option<Metrics> {
     let inside: Vec<usize> = (0..test.texels.len()).filter(|i| mask.is_none_or(|mask| mask[*i])).collect();
     if inside.is_empty() {
-        return Err(Error::input("--mask", "no pixel is in the region", "give a mask with a bright part"));
+        return None;
     }
     let (mut square, mut relative, mut display, mut largest) = (0.0, 0.0, 0.0, 0.0f64);
     let (mut sum_test, mut sum_truth) = (0.0, 0.0);
@@ -100,16 +129,21 @@ pub fn compare(test: Picture, truth: Picture, mask: Option<&[bool]>, exposure: f
     }
     let samples = 3.0 * inside.len() as f64;
     let mean = |map: &[f32]| inside.iter().map(|i| f64::from(map[*i])).sum::<f64>() / inside.len() as f64;
-    Ok(Metrics {
+    Some(Metrics {
         rmse: (square / samples).sqrt(),
         relmse: relative / samples,
         psnr: if display > 0.0 { (-10.0 * (display / samples).log10()).min(SAME_PSNR) } else { SAME_PSNR },
-        ssim: mean(&ssim),
-        flip: mean(&flip),
+        ssim: mean(ssim),
+        flip: mean(flip),
         max_abs: largest,
         mean_ratio: if sum_truth == 0.0 && sum_test == 0.0 { 1.0 } else { sum_test / sum_truth },
         pixels: inside.len() as u64,
     })
+}
+
+/// JSON writes an infinite ratio, something over a black truth, as null.
+fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
 }
 
 /// sRGB of a clipped value.

@@ -1,8 +1,10 @@
 //! Measuring: what a frame costs, and how far a picture is from another.
 
 pub mod bench;
+pub mod chart;
 pub mod metrics;
 pub mod motion;
 pub mod rays;
 pub mod regions;
+pub mod score;
 pub mod temporal;

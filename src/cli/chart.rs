@@ -1,0 +1,170 @@
+//! `iprt chart`: speed against accuracy.
+
+use super::common::{DeviceArgs, complete, interrupted, open_scene, parse_projection, parse_size};
+use crate::{
+    Error, Result,
+    image_file::write::write_bytes,
+    measure::{
+        self,
+        chart::{Case, ChartOptions, Sweep, markdown},
+    },
+    reference::{cache::Keep, capture::cache_folder},
+    scene::rooms,
+};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use std::{
+    io::IsTerminal,
+    path::{Path, PathBuf},
+};
+
+/// Arguments of `iprt chart`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// Scene files or built-in rooms; all built-in rooms by default
+    pub scenes: Vec<String>,
+    /// The folder of the chart, which is made where it does not exist; a chart that is there is gone on with
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// methods: the methods alone; small: the main settings; full: every setting
+    #[arg(long, default_value = "full")]
+    pub sweep: String,
+    /// Picture size [default: 320x180; 160x90 for small]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// perspective or equirect
+    #[arg(long, default_value = "perspective")]
+    pub projection: String,
+    /// The video frame that pictures show
+    #[arg(long, default_value_t = 0)]
+    pub frame: u32,
+    /// Frames after which a still picture is looked at [default: 1,16,64; 1,16 for small]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
+    pub looks: Vec<u32>,
+    /// Frames of the moving scene before its picture is looked at; 0: none is
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    pub moving: u32,
+    /// How often each point's time is taken, all points in turn [default: 3; 2 for small]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub rounds: Option<u32>,
+    /// Samples a pixel of the truths: of the model, and of the true scene with objects and without [default: 256; 128 for small]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1 << 20))]
+    pub truth_spp: Option<u32>,
+    /// Put the tables into a Markdown document, between its marks for the sweep
+    #[arg(long, value_name = "FILE")]
+    pub markdown: Option<PathBuf>,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u32,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// Say less
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Measures and writes.
+pub fn run(args: &Args) -> Result<()> {
+    let sweep = Sweep::parse(&args.sweep, "--sweep")?;
+    let options = options(args, sweep)?;
+    if let Some(document) = &args.markdown {
+        markdown::find(document, sweep.name())?;
+    }
+    measure::chart::run::make_folder(&args.output)?;
+    let names = if args.scenes.is_empty() { rooms::NAMES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
+    let gpu = args.device.open()?;
+    let cases = names
+        .iter()
+        .map(|name| {
+            let scene = open_scene(&gpu, Some(name), args.quiet)?;
+            let known = scene.room.is_some() || rooms::by_name(name).is_some();
+            let truth = known.then(|| Ok([complete(name, false)?, complete(name, true)?]));
+            Ok(Case { name: label(name), scene, complete: truth.transpose()? })
+        })
+        .collect::<Result<Vec<_>>>()?;
+    if let Some(twice) = cases.iter().enumerate().find(|(i, case)| cases[..*i].iter().any(|c| c.name == case.name)) {
+        let problem = format!("two scenes are called \"{}\"", twice.1.name);
+        return Err(Error::input("SCENE", problem, "rename a file or its folder"));
+    }
+    let mut progress = Progress::new(args.quiet, options.work(&cases));
+    let cache = cache_folder();
+    let keep = Keep { folder: cache.as_deref(), stop: interrupted() };
+    let chart = measure::chart::run(&gpu, &cases, &options, &args.output, keep, &mut |work, what| {
+        progress.show(work, what);
+    })?;
+    progress.bar.finish_and_clear();
+    write_bytes(&args.output.join("chart.csv"), chart.csv().as_bytes())?;
+    chart.write_figure(&args.output)?;
+    chart.write_page(&args.output)?;
+    if let Some(document) = &args.markdown {
+        chart.write_markdown(&args.output, document, sweep.name())?;
+    }
+    if !args.quiet {
+        super::print(&format!("{}: {} points", args.output.display(), chart.points.len()))?;
+    }
+    args.device.close(gpu)
+}
+
+fn options(args: &Args, sweep: Sweep) -> Result<ChartOptions> {
+    let small = sweep == Sweep::Small;
+    let mut frames = args.looks.clone();
+    if frames.is_empty() {
+        frames = if small { vec![1, 16] } else { vec![1, 16, 64] };
+    }
+    frames.sort_unstable();
+    frames.dedup();
+    let spp = args.truth_spp.unwrap_or(if small { 128 } else { 256 });
+    Ok(ChartOptions {
+        size: args.size.as_deref().map_or(Ok(if small { [160, 90] } else { [320, 180] }), parse_size)?,
+        projection: parse_projection(&args.projection)?,
+        seed: args.seed,
+        frame: args.frame,
+        frames,
+        moving_frames: args.moving,
+        rounds: args.rounds.unwrap_or(if small { 2 } else { 3 }),
+        model_spp: spp,
+        scene_spp: spp,
+        points: sweep.points(),
+    })
+}
+
+/// A scene file's stem, or its folder's name where that says more.
+fn label(name: &str) -> String {
+    let path = Path::new(name);
+    let text = |part: Option<&std::ffi::OsStr>| part.map(|part| part.to_string_lossy().into_owned());
+    match text(path.file_stem()) {
+        Some(stem) if stem != "scene" => stem,
+        _ => text(path.parent().and_then(Path::file_name)).unwrap_or_else(|| "scene".to_owned()),
+    }
+}
+
+/// A bar with the time left; where standard error is no terminal, a line whenever something else is begun.
+struct Progress {
+    bar: ProgressBar,
+    lines: bool,
+    begun: String,
+}
+
+impl Progress {
+    fn new(quiet: bool, work: u64) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(work) };
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left") {
+            bar.set_style(style);
+        }
+        Self { bar, lines: !quiet && !std::io::stderr().is_terminal(), begun: String::new() }
+    }
+
+    fn show(&mut self, work: u64, what: &str) {
+        self.bar.inc(work);
+        if self.begun == what {
+            return;
+        }
+        what.clone_into(&mut self.begun);
+        self.bar.set_message(what.to_owned());
+        if self.lines {
+            let percent = 100 * self.bar.position() / self.bar.length().unwrap_or(0).max(1);
+            // before that it is a guess from very little
+            let left = if percent < 2 { String::new() } else { format!(" ({} left)", HumanDuration(self.bar.eta())) };
+            eprintln!("{percent} %: {what}{left}");
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! A chart as comma-separated values: one line a picture and region.
+
+use super::point::{Chart, ChartPoint};
+use crate::measure::{metrics::Metrics, score::Score};
+use std::fmt::Write;
+
+impl Chart {
+    /// Scene, point, frames, truth and region, then time and all metrics. Truths' own noise, the model's floor and the view
+    /// without objects are points that cost nothing.
+    pub fn csv(&self) -> String {
+        let mut out = "scene,point,group,method,cost,frames,moving,ms_median,ms_low,ms_high,memory_bytes,truth,region,\
+            flip,psnr,ssim,rmse,relmse,max_abs,mean_ratio,pixels\n"
+            .to_owned();
+        for scene in &self.scenes {
+            let free = |name: &str| format!("{},\"{name}\",,,,,,,,,", quoted(&scene.name));
+            rows(&mut out, &free("noise of the truth"), Some(&scene.noise.model), scene.noise.scene.as_ref());
+            rows(&mut out, &free("nothing inserted"), Some(&scene.nothing.model), scene.nothing.scene.as_ref());
+            rows(&mut out, &free("the model, converged"), None, scene.floor.as_ref());
+            for point in self.of_scene(&scene.name) {
+                for outcome in &point.outcomes {
+                    let head = head(point, outcome.frames, outcome.moving);
+                    rows(&mut out, &head, Some(&outcome.scores.model), outcome.scores.scene.as_ref());
+                }
+            }
+        }
+        out
+    }
+}
+
+fn head(point: &ChartPoint, frames: u32, moving: bool) -> String {
+    let cost = format!("{:?}", point.cost).to_lowercase();
+    format!(
+        "{},{},{},{},{cost},{frames},{moving},{:.4},{:.4},{:.4},{}",
+        quoted(&point.scene),
+        quoted(&point.name),
+        point.group,
+        point.method,
+        point.ms.median,
+        point.ms.low,
+        point.ms.high,
+        point.memory
+    )
+}
+
+fn rows(out: &mut String, head: &str, model: Option<&Score>, scene: Option<&Score>) {
+    for (truth, score) in [("model", model), ("scene", scene)] {
+        for (region, m) in score.into_iter().flat_map(Score::regions) {
+            let _ = writeln!(out, "{head},{truth},{region},{}", values(m));
+        }
+    }
+}
+
+fn values(m: &Metrics) -> String {
+    format!(
+        "{:.6},{:.3},{:.6},{:.6},{:.6},{:.6},{:.6},{}",
+        m.flip, m.psnr, m.ssim, m.rmse, m.relmse, m.max_abs, m.mean_ratio, m.pixels
+    )
+}
+
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}

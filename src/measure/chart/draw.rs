@@ -1,0 +1,109 @@
+//! What the drawings of a chart share: colours, logarithmic axes, text in markup.
+
+use crate::{measure::bench::PASSES, settings::Settings};
+
+/// Colours of passes, in frame order; a setting has that of its pass.
+const COLORS: [&str; PASSES.len()] = [
+    "#8c8c8c", "#a6761d", "#666a1f", "#e6ab02", "#d95f02", "#7570b3", "#1b9e77", "#e7298a", "#66a61e", "#1f78b4",
+    "#b2182b", "#525252",
+];
+
+/// The colour of a pass.
+pub fn pass_color(pass: &str) -> &'static str {
+    PASSES.iter().position(|name| *name == pass).map_or("#222222", |index| COLORS[index])
+}
+
+/// The colour of a point by what it changes, see [`ChartPoint::group`](super::ChartPoint::group).
+pub fn group_color(group: &str) -> &'static str {
+    match group {
+        "method" => "#000000",
+        "reference" | "limit" => "#777777",
+        "scale" => "#00a0b0",
+        setting => Settings::TABLE.iter().find(|row| row.name == setting).map_or("#222222", |row| pass_color(row.pass)),
+    }
+}
+
+/// Text for SVG and HTML, also within quotes.
+pub fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;").replace('\n', "&#10;")
+}
+
+/// Three digits that count.
+pub fn short(value: f64) -> String {
+    match value {
+        v if v >= 100.0 => format!("{v:.0}"),
+        v if v >= 10.0 => format!("{v:.1}"),
+        v if v >= 1.0 => format!("{v:.2}"),
+        v => format!("{v:.3}"),
+    }
+}
+
+/// A logarithmic axis from one place in a drawing to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    values: [f64; 2],
+    places: [f64; 2],
+}
+
+impl Axis {
+    /// Holds all positive values, with some room.
+    pub fn around(values: impl Iterator<Item = f64>, places: [f64; 2]) -> Self {
+        let positive = values.filter(|value| value.is_finite() && *value > 0.0);
+        let (low, high) = positive.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
+        let values = if high > 0.0 { [0.8 * low, 1.25 * high] } else { [0.1, 1.0] };
+        Self { values, places }
+    }
+
+    /// Where a value is; those outside are at the ends.
+    pub fn place(&self, value: f64) -> f64 {
+        let [low, high] = self.values;
+        let share = (value.max(1e-12) / low).ln() / (high / low).ln();
+        self.places[0] + share.clamp(0.0, 1.0) * (self.places[1] - self.places[0])
+    }
+
+    /// Round values on it: 1, 2 and 5 times powers of ten, or the powers alone where those are many.
+    pub fn ticks(&self) -> Vec<f64> {
+        let [low, high] = self.values;
+        let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
+        let of = |steps: &'static [f64]| -> Vec<f64> {
+            let all = decades.clone().flat_map(|decade| steps.iter().map(move |step| step * 10f64.powi(decade)));
+            all.filter(|value| (low..=high).contains(value)).collect()
+        };
+        let fine = of(&[1.0, 2.0, 5.0]);
+        if fine.len() > 9 { of(&[1.0]) } else { fine }
+    }
+}
+
+/// A tick's label: no digit too many.
+pub fn tick_label(value: f64) -> String {
+    let digits = (-value.log10().floor()).max(0.0) as usize;
+    format!("{value:.digits$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_logarithmic() {
+        let axis = Axis::around([1.25, 80.0, 0.0, f64::NAN].into_iter(), [0.0, 200.0]);
+        assert!((axis.place(1.0)).abs() < 1e-9 && (axis.place(10.0) - 100.0).abs() < 1e-9, "{axis:?}");
+        assert_eq!(axis.place(0.0), 0.0);
+        assert_eq!(axis.ticks(), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]);
+        let labels: Vec<_> = [0.02, 0.5, 1.0, 200.0].map(tick_label).into();
+        assert_eq!(labels, ["0.02", "0.5", "1", "200"]);
+        assert!(Axis::around(std::iter::empty(), [0.0, 1.0]).place(0.5).is_finite());
+    }
+
+    #[test]
+    fn every_group_has_a_colour() {
+        for spec in crate::measure::chart::Sweep::Full.points() {
+            assert_ne!(group_color(spec.group), "#222222", "{}", spec.group);
+        }
+    }
+
+    #[test]
+    fn markup_is_escaped() {
+        assert_eq!(escape("a<b & \"c\""), "a&lt;b &amp; &quot;c&quot;");
+    }
+}

@@ -1,0 +1,115 @@
+//! The chart as one drawing, `chart.svg`, and as pixels, `chart.png`: a row a scene, a column a region.
+
+use super::{
+    draw::{escape, group_color, pass_color},
+    pictures::Codes,
+    point::{Chart, ChartScene},
+    scatter::{self, Panel},
+};
+use crate::{
+    Error, Result,
+    image_file::write::{write_bytes, write_png},
+    measure::{bench::PASSES, score::REGIONS},
+};
+use resvg::{tiny_skia, usvg};
+use std::{collections::BTreeSet, fmt::Write, path::Path};
+
+/// Pixels of the PNG for one of the SVG.
+const ZOOM: f32 = 1.5;
+const FONT: &str = "DejaVu Sans, Helvetica, Arial, sans-serif";
+
+impl Chart {
+    /// Still pictures after the main number of frames, against the best truth that there is.
+    pub fn svg(&self) -> String {
+        let width = scatter::SIZE[0] * REGIONS.len() as f64;
+        let legend = self.legend(width);
+        let top = 44.0;
+        let height = top + scatter::SIZE[1] * self.scenes.len() as f64 + 24.0;
+        let mut out = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
+             font-family=\"{FONT}\" fill=\"#222\"><rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>"
+        );
+        let of = &self.of;
+        let _ = write!(
+            out,
+            "<text x=\"52\" y=\"18\" font-size=\"14\" font-weight=\"bold\">Speed against accuracy after {} frames: {}×{} pixels</text>\
+             <text x=\"52\" y=\"36\" font-size=\"11\">{}</text>",
+            of.main_frames,
+            of.size[0],
+            of.size[1],
+            escape(&format!("{} ({}), version {}", of.device, of.driver, of.version))
+        );
+        for (row, scene) in self.scenes.iter().enumerate() {
+            for (column, region) in REGIONS.iter().enumerate() {
+                let panel = Panel { chart: self, scene, truth: scene.best(), region, moving: false };
+                let at = [scatter::SIZE[0] * column as f64, top + scatter::SIZE[1] * row as f64];
+                out += &panel.svg(at, &panel_title(scene, &panel), "");
+            }
+        }
+        let _ = write!(out, "<g transform=\"translate(52 {})\">{legend}</g></svg>", height - 10.0);
+        out
+    }
+
+    /// What colours and shapes mean, in a line.
+    pub fn legend(&self, width: f64) -> String {
+        let colors: BTreeSet<(usize, &str, &str)> = self
+            .points
+            .iter()
+            .filter(|point| !["method", "reference", "limit"].contains(&point.group.as_str()))
+            .map(|point| {
+                let color = group_color(&point.group);
+                let pass = PASSES.iter().position(|pass| pass_color(pass) == color);
+                pass.map_or((PASSES.len(), color, "internal resolution"), |index| (index, color, PASSES[index]))
+            })
+            .collect();
+        let mut out =
+            "<text font-size=\"10\">● method  ◆ reference  ○ method, converged   A setting of:</text>".to_owned();
+        let (mut x, step) = (330.0, ((width - 400.0) / colors.len().max(1) as f64).min(110.0));
+        for (_, color, name) in colors {
+            let _ = write!(
+                out,
+                "<circle cx=\"{x:.1}\" cy=\"-4\" r=\"4\" fill=\"{color}\"/><text x=\"{:.1}\" font-size=\"10\">{name}</text>",
+                x + 7.0
+            );
+            x += step;
+        }
+        out
+    }
+
+    /// Writes `chart.svg` and `chart.png`.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_figure(&self, folder: &Path) -> Result<()> {
+        let svg = self.svg();
+        write_bytes(&folder.join("chart.svg"), svg.as_bytes())?;
+        let (size, codes) = pixels(&svg, ZOOM)?;
+        write_png(&folder.join("chart.png"), size, &codes, 3)
+    }
+}
+
+/// What is shown in it.
+pub fn panel_title(scene: &ChartScene, panel: &Panel) -> String {
+    let moving = if panel.moving { ", moving" } else { "" };
+    format!("{}: {} pixels{moving}, {}", scene.name, panel.region, panel.truth.name())
+}
+
+/// Draws an SVG as 8-bit RGB, so many pixels for one of its own. Its text takes fonts of the system.
+///
+/// # Errors
+/// An SVG that is none.
+pub fn pixels(svg: &str, zoom: f32) -> Result<Codes> {
+    let internal = |error: &dyn std::fmt::Display| Error::Internal(format!("drawing the chart: {error}"));
+    let mut options = usvg::Options::default();
+    options.fontdb_mut().load_system_fonts();
+    if options.fontdb.is_empty() {
+        tracing::warn!("there is no font on this system: the PNG of the chart has no text; the SVG has");
+    }
+    let tree = usvg::Tree::from_str(svg, &options).map_err(|error| internal(&error))?;
+    let size = tree.size().to_int_size().scale_by(zoom).ok_or_else(|| internal(&"it has no size"))?;
+    let mut pixmap = tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| internal(&"it is too large"))?;
+    resvg::render(&tree, tiny_skia::Transform::from_scale(zoom, zoom), &mut pixmap.as_mut());
+    // over a white rectangle: nothing is transparent
+    let codes = pixmap.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    Ok(([size.width(), size.height()], codes))
+}

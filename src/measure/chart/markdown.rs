@@ -1,0 +1,220 @@
+//! A chart as Markdown tables, put between two marks of a document.
+
+use super::{
+    draw::short,
+    figure,
+    pictures::{Codes, strip},
+    point::{Chart, ChartPoint, ChartScene, Cost, Outcome, Truth},
+    run::file_name,
+};
+use crate::{
+    Error, Result,
+    image_file::{
+        read::read_bytes,
+        write::{write_bytes, write_png},
+    },
+    measure::score::{REGIONS, Score},
+};
+use std::{fmt::Write, path::Path};
+
+/// Beside a document, where its pictures are.
+const IMAGES: &str = "images";
+
+impl Chart {
+    /// Puts the tables into a document, between its marks for `name` (see [`find`]), with pictures in `images/` beside it:
+    /// the methods', or the whole chart where settings were changed.
+    ///
+    /// # Errors
+    /// As [`find`]; what cannot be read or written.
+    pub fn write_markdown(&self, folder: &Path, document: &Path, name: &str) -> Result<()> {
+        find(document, name)?;
+        let images = document.parent().unwrap_or(Path::new("")).join(IMAGES);
+        std::fs::create_dir_all(&images).map_err(|error| {
+            Error::input(images.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
+        })?;
+        let mut text = self.markdown(|scene| {
+            let Some((title, (size, codes))) = self.methods_strip(folder, scene)? else { return Ok(String::new()) };
+            let file = format!("{name}-{}.png", file_name(&scene.name));
+            write_png(&images.join(&file), size, &codes, 3)?;
+            Ok(format!("\n![{title}]({IMAGES}/{file})\n\n*{title}*\n"))
+        })?;
+        if self.points.iter().any(|point| !point.base.is_empty()) {
+            let file = format!("{name}.png");
+            let (size, codes) = figure::pixels(&self.svg(), 1.0)?;
+            write_png(&images.join(&file), size, &codes, 3)?;
+            let _ = write!(text, "\n![Speed against accuracy]({IMAGES}/{file})\n");
+            for scene in &self.scenes {
+                let _ = write!(text, "\n#### What each setting buys and costs: {}\n\n", scene.name);
+                for finding in self.findings(scene) {
+                    let _ = writeln!(text, "* `{}`: {}", finding.setting, finding.sentences.join(" "));
+                }
+            }
+        }
+        insert(document, name, &text)
+    }
+
+    /// Truth and methods after the main number of frames; below each its difference from the truth.
+    fn methods_strip(&self, folder: &Path, scene: &ChartScene) -> Result<Option<(String, Codes)>> {
+        let truth = match scene.best() {
+            Truth::Scene => ["scene", "floor"],
+            Truth::Model => ["model", "regions"],
+        };
+        let [Some(top), Some(below)] = truth.map(|what| scene.pictures.get(what)) else { return Ok(None) };
+        let (mut pictures, mut differences, mut names) = (vec![top.as_str()], vec![below.as_str()], Vec::new());
+        for point in self.of_scene(&scene.name).filter(|point| point.group == "method") {
+            let Some(outcome) = point.still(self.of.main_frames) else { continue };
+            pictures.push(&outcome.picture);
+            differences.push(&outcome.difference);
+            names.push(format!("`{}`", point.name));
+        }
+        let first = match scene.best() {
+            Truth::Scene => "what `reference --model panorama` differs in",
+            Truth::Model => "the regions: virtual white, influenced grey",
+        };
+        let title = format!(
+            "{}: {}, then {} after {} frames; below, {first}, and each one's FLIP against {} (white: 0.5 or more)",
+            scene.name,
+            scene.best().name(),
+            names.join(", "),
+            self.of.main_frames,
+            scene.best().name()
+        );
+        Ok(Some((title, strip(folder, &[pictures, differences])?)))
+    }
+
+    /// A table for each scene, and below it what `below` adds. Errors are FLIP.
+    ///
+    /// # Errors
+    /// Those of `below`.
+    pub fn markdown(&self, mut below: impl FnMut(&ChartScene) -> Result<String>) -> Result<String> {
+        let of = &self.of;
+        let mut out = format!(
+            "Device: {}. Driver: {}. {}×{} pixels, {}, seed {}.\n",
+            of.device, of.driver, of.size[0], of.size[1], of.projection, of.seed
+        );
+        for scene in &self.scenes {
+            self.table(&mut out, scene);
+            out += &below(scene)?;
+        }
+        Ok(out)
+    }
+
+    fn table(&self, out: &mut String, scene: &ChartScene) {
+        let known = scene.floor.is_some();
+        let percent = |region: &str| 100.0 * scene.regions.get(region).copied().unwrap_or(0.0);
+        let _ = write!(
+            out,
+            "\n### {}\n\nPanorama {}×{}, exposure {}. Virtual: {:.1} % of the pixels; influenced: {:.1} %. Model truth: {} paths a pixel",
+            scene.name,
+            scene.panorama[0],
+            scene.panorama[1],
+            scene.exposure,
+            percent(REGIONS[1]),
+            percent(REGIONS[2]),
+            scene.model_spp
+        );
+        let _ = match known {
+            true => writeln!(
+                out,
+                ". Scene truth: {} samples a pixel; {:.1} % of its light was in outliers and is left out.\n",
+                scene.scene_spp,
+                100.0 * scene.outliers[1]
+            ),
+            false => writeln!(out, ". The true scene is not known.\n"),
+        };
+        let columns = |name: &str| REGIONS.map(|region| format!(" {name}, {region} |")).concat();
+        let scene_columns = if known { columns("scene") } else { String::new() };
+        let _ = writeln!(out, "| method | frames | ms a frame |{}{scene_columns}", columns("model"));
+        let _ = writeln!(out, "|---|---:|---:|{}", "---:|".repeat(if known { 6 } else { 3 }));
+        let mut row = |name: &str, frames: &str, ms: &str, model: Option<&Score>, truth: Option<&Score>| {
+            let model = cells(model);
+            let truth = if known { cells(truth) } else { String::new() };
+            let _ = writeln!(out, "| {name} | {frames} | {ms} |{model}{truth}");
+        };
+        row("nothing inserted", "", "", Some(&scene.nothing.model), scene.nothing.scene.as_ref());
+        for point in self.of_scene(&scene.name) {
+            // of a changed setting the main picture alone
+            let told = |outcome: &&Outcome| {
+                point.base.is_empty() || (!outcome.moving && outcome.frames == self.of.main_frames)
+            };
+            for outcome in point.outcomes.iter().filter(told) {
+                let name = format!("`{}`{}", point.name, if outcome.moving { ", moving" } else { "" });
+                let scores = &outcome.scores;
+                row(
+                    &name,
+                    &outcome.frames.to_string(),
+                    &time(point, outcome),
+                    Some(&scores.model),
+                    scores.scene.as_ref(),
+                );
+            }
+        }
+        row("`reference`: the model", &scene.model_spp.to_string(), "", None, scene.floor.as_ref());
+        row("*noise of the truth*", "", "", Some(&scene.noise.model), scene.noise.scene.as_ref());
+    }
+}
+
+/// Milliseconds a frame, and the spread of the repetitions.
+fn time(point: &ChartPoint, outcome: &Outcome) -> String {
+    let frames = if point.cost == Cost::Picture { f64::from(outcome.frames) } else { 1.0 };
+    let [low, median, high] = [point.ms.low, point.ms.median, point.ms.high].map(|ms| short(ms / frames));
+    format!("{median} ({low}–{high})")
+}
+
+fn cells(score: Option<&Score>) -> String {
+    let cell = |region: &&str| match score.and_then(|score| score.region(region)) {
+        Some(metrics) => format!(" {:.3} |", metrics.flip),
+        None => " – |".to_owned(),
+    };
+    REGIONS.iter().map(cell).collect()
+}
+
+/// Puts text into a document, between `<!-- chart NAME: … -->` and `<!-- end of chart NAME -->`.
+///
+/// # Errors
+/// As [`find`]; a document that cannot be written.
+pub fn insert(document: &Path, name: &str, text: &str) -> Result<()> {
+    let (old, [start, end]) = find(document, name)?;
+    let new = format!("{}\n\n{}\n\n{}", &old[..start], text.trim(), &old[end..]);
+    if new == old { Ok(()) } else { write_bytes(document, new.as_bytes()) }
+}
+
+/// A document, and where the text between its marks starts and ends.
+///
+/// # Errors
+/// A document that cannot be read, or that has no such marks.
+pub fn find(document: &Path, name: &str) -> Result<(String, [usize; 2])> {
+    let subject = document.display();
+    let text = String::from_utf8(read_bytes(document)?)
+        .map_err(|_| Error::input(&subject, "is no UTF-8 text", "give a Markdown document"))?;
+    let (start, end) = (format!("<!-- chart {name}:"), format!("<!-- end of chart {name} -->"));
+    let place = || {
+        let start = text.find(&start)?;
+        let start = start + text[start..].find("-->")? + "-->".len();
+        Some([start, start + text[start..].find(&end)?])
+    };
+    match place() {
+        Some(place) => Ok((text, place)),
+        None => {
+            let problem = format!("has no \"{start} … -->\" followed by \"{end}\"");
+            Err(Error::input(&subject, problem, "add both lines where the tables are to be"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_put_between_its_marks() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let document = folder.path().join("a.md");
+        std::fs::write(&document, "a\n<!-- chart b: by c -->\nold\n<!-- end of chart b -->\nd\n").expect("writes");
+        insert(&document, "b", "new\n").expect("put");
+        let text = std::fs::read_to_string(&document).expect("reads");
+        assert_eq!(text, "a\n<!-- chart b: by c -->\n\nnew\n\n<!-- end of chart b -->\nd\n");
+        let error = insert(&document, "x", "new").expect_err("no marks").to_string();
+        assert!(error.contains("a.md") && error.contains("end of chart x"), "{error}");
+    }
+}

@@ -1,0 +1,267 @@
+//! One panel: cost against error of all points of a scene, over one region and against one truth.
+
+use super::{
+    draw::{Axis, escape, group_color, short, tick_label},
+    pareto::front,
+    point::{Chart, ChartPoint, ChartScene, Spread, Truth},
+};
+use std::fmt::Write;
+
+/// Width and height of a panel, pixels.
+pub const SIZE: [f64; 2] = [400.0, 320.0];
+/// Left, top, right, bottom.
+const MARGIN: [f64; 4] = [52.0, 26.0, 12.0, 40.0];
+
+/// What a panel shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Panel<'a> {
+    pub chart: &'a Chart,
+    pub scene: &'a ChartScene,
+    pub truth: Truth,
+    pub region: &'a str,
+    /// The moving scene instead of the still one.
+    pub moving: bool,
+}
+
+/// A point in a panel.
+#[derive(Clone, Debug)]
+pub struct Dot<'a> {
+    /// The measured point, and its index among those of the scene.
+    pub point: &'a ChartPoint,
+    pub index: usize,
+    /// GPU milliseconds.
+    pub cost: Spread,
+    /// FLIP.
+    pub error: Spread,
+}
+
+impl<'a> Panel<'a> {
+    /// All points that have a cost and an error here.
+    pub fn dots(&self) -> Vec<Dot<'a>> {
+        let chart = self.chart;
+        let points = chart.points.iter().filter(|point| point.scene == self.scene.name).enumerate();
+        let dot = |(index, point): (usize, &'a ChartPoint)| {
+            let error = if self.moving {
+                let flip = self.truth.of(&point.moving()?.scores)?.region(self.region)?.flip;
+                Spread { median: flip, low: flip, high: flip }
+            } else {
+                point.flip(chart.of.main_frames, self.truth, self.region)?
+            };
+            (point.ms.median > 0.0).then_some(Dot { point, index, cost: point.ms, error })
+        };
+        points.filter_map(dot).collect()
+    }
+
+    /// The dots that no other beats, cheapest first.
+    pub fn front(&self, dots: &[Dot]) -> Vec<usize> {
+        front(&dots.iter().map(|dot| (dot.cost.median, dot.error.median)).collect::<Vec<_>>())
+    }
+
+    /// The truth's own noise here.
+    pub fn noise(&self) -> Option<f64> {
+        Some(self.truth.of(&self.scene.noise)?.region(self.region)?.flip)
+    }
+
+    /// The panel as an SVG group at a place; `id` begins the links of its points.
+    pub fn svg(&self, [x, y]: [f64; 2], title: &str, id: &str) -> String {
+        let dots = self.dots();
+        let noise = self.noise();
+        let floor = match self.truth {
+            Truth::Scene => self.scene.floor.as_ref().and_then(|floor| Some(floor.region(self.region)?.flip)),
+            Truth::Model => None,
+        };
+        let right = SIZE[0] - MARGIN[2];
+        let bottom = SIZE[1] - MARGIN[3];
+        let across = Axis::around(dots.iter().flat_map(|d| [d.cost.low, d.cost.high]), [MARGIN[0], right]);
+        let errors = dots.iter().flat_map(|d| [d.error.low, d.error.high]).chain(noise).chain(floor);
+        let up = Axis::around(errors, [bottom, MARGIN[1]]);
+        let mut out = format!("<g transform=\"translate({x:.1} {y:.1})\">");
+        let _ = write!(
+            out,
+            "<text x=\"{}\" y=\"15\" font-size=\"13\" font-weight=\"bold\">{}</text>",
+            MARGIN[0],
+            escape(title)
+        );
+        frame(&mut out, &across, &up, right, bottom);
+        if let Some(noise) = noise {
+            let top = up.place(noise);
+            let _ = write!(
+                out,
+                "<rect x=\"{}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"#000\" fill-opacity=\"0.07\"><title>the truth's own noise: its halves differ by {noise:.3}</title></rect>",
+                MARGIN[0],
+                right - MARGIN[0],
+                (bottom - top).max(0.0)
+            );
+        }
+        if let Some(floor) = floor {
+            let at = up.place(floor);
+            let _ = write!(
+                out,
+                "<path d=\"M{} {at:.1}H{right}\" stroke=\"#b2182b\" stroke-dasharray=\"5 3\"><title>what the model itself costs: {floor:.3}</title></path>",
+                MARGIN[0]
+            );
+        }
+        let best = self.front(&dots);
+        steps(
+            &mut out,
+            &best
+                .iter()
+                .map(|i| (across.place(dots[*i].cost.median), up.place(dots[*i].error.median)))
+                .collect::<Vec<_>>(),
+        );
+        for dot in &dots {
+            mark(&mut out, dot, &across, &up, id);
+        }
+        labels(&mut out, &dots, &best, &across, &up);
+        out += "</g>";
+        out
+    }
+}
+
+/// Axes, grid and their labels.
+fn frame(out: &mut String, across: &Axis, up: &Axis, right: f64, bottom: f64) {
+    let [left, top] = [MARGIN[0], MARGIN[1]];
+    for tick in across.ticks() {
+        let x = across.place(tick);
+        let _ = write!(
+            out,
+            "<path d=\"M{x:.1} {top}V{bottom}\" stroke=\"#ddd\"/><text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"10\" text-anchor=\"middle\">{}</text>",
+            bottom + 13.0,
+            tick_label(tick)
+        );
+    }
+    for tick in up.ticks() {
+        let y = up.place(tick);
+        let _ = write!(
+            out,
+            "<path d=\"M{left} {y:.1}H{right}\" stroke=\"#ddd\"/><text x=\"{:.1}\" y=\"{:.1}\" font-size=\"10\" text-anchor=\"end\">{}</text>",
+            left - 4.0,
+            y + 3.5,
+            tick_label(tick)
+        );
+    }
+    let _ = write!(out, "<path d=\"M{left} {top}V{bottom}H{right}\" fill=\"none\" stroke=\"#444\"/>");
+    let _ = write!(
+        out,
+        "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"11\" text-anchor=\"middle\">GPU milliseconds (left is faster)</text>",
+        0.5 * (left + right),
+        bottom + 30.0
+    );
+    let middle = 0.5 * (top + bottom);
+    let _ = write!(
+        out,
+        "<text transform=\"translate(12 {middle:.1}) rotate(-90)\" font-size=\"11\" text-anchor=\"middle\">FLIP error (down is better)</text>"
+    );
+}
+
+/// The front: from each point no error less until the next one's cost is paid.
+fn steps(out: &mut String, places: &[(f64, f64)]) {
+    let Some(((x, y), rest)) = places.split_first() else { return };
+    let mut path = format!("M{x:.1} {y:.1}");
+    for (x, y) in rest {
+        let _ = write!(path, "H{x:.1}V{y:.1}");
+    }
+    let _ = write!(
+        out,
+        "<path d=\"{path}\" fill=\"none\" stroke=\"#1b7837\" stroke-width=\"1.5\"><title>Pareto front: no other point is both faster and better</title></path>"
+    );
+}
+
+fn mark(out: &mut String, dot: &Dot, across: &Axis, up: &Axis, id: &str) {
+    let (x, y) = (across.place(dot.cost.median), up.place(dot.error.median));
+    let color = group_color(&dot.point.group);
+    let _ = write!(out, "<a href=\"#{id}{}\" class=\"dot\" data-point=\"{id}{}\">", dot.index, dot.index);
+    let _ = write!(
+        out,
+        "<path d=\"M{:.1} {y:.1}H{:.1}M{x:.1} {:.1}V{:.1}\" stroke=\"{color}\" stroke-opacity=\"0.6\"/>",
+        across.place(dot.cost.low),
+        across.place(dot.cost.high),
+        up.place(dot.error.low),
+        up.place(dot.error.high)
+    );
+    let shape = match dot.point.group.as_str() {
+        "method" => format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5.5\" fill=\"{color}\" stroke=\"#fff\">"),
+        "reference" => format!("<path d=\"M{x:.1} {:.1}l5 5l-5 5l-5 -5z\" fill=\"{color}\" stroke=\"#fff\">", y - 5.0),
+        "limit" => format!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4.5\" fill=\"#fff\" stroke=\"{color}\" stroke-width=\"2\">"
+        ),
+        _ => format!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\" fill-opacity=\"0.8\" stroke=\"#fff\">"
+        ),
+    };
+    let end = if shape.starts_with("<circle") { "</circle>" } else { "</path>" };
+    let _ = write!(out, "{shape}<title>{}</title>{end}</a>", escape(&dot.tip()));
+}
+
+impl Dot<'_> {
+    /// What is told about it on hover: name, times, errors, settings.
+    pub fn tip(&self) -> String {
+        let p = self.point;
+        let mut tip = format!(
+            "{}\n{} ms ({} to {})\nFLIP {:.4} ({:.4} to {:.4})\nmethod {}, rendered at {}×{}",
+            p.name,
+            short(self.cost.median),
+            short(self.cost.low),
+            short(self.cost.high),
+            self.error.median,
+            self.error.low,
+            self.error.high,
+            p.method,
+            p.rendered[0],
+            p.rendered[1]
+        );
+        for (name, value) in &p.settings {
+            let _ = write!(tip, "\n{}{name} = {value}", if p.set.contains_key(name) { "▸ " } else { "" });
+        }
+        tip
+    }
+}
+
+/// Names of methods, of `reference` and of what is on the front, as far as there is room.
+fn labels(out: &mut String, dots: &[Dot], best: &[usize], across: &Axis, up: &Axis) {
+    let center = |dot: &Dot| [across.place(dot.cost.median), up.place(dot.error.median)];
+    // left, top, right, bottom of what is taken
+    let mut taken: Vec<[f64; 4]> = dots.iter().map(center).map(|[x, y]| [x - 5.0, y - 5.0, x + 5.0, y + 5.0]).collect();
+    let mut order: Vec<usize> = (0..dots.len()).filter(|i| dots[*i].point.group == "method").collect();
+    order.extend(best.iter().filter(|i| dots[**i].point.group != "method"));
+    order.extend(
+        (0..dots.len())
+            .filter(|i| ["reference", "limit"].contains(&dots[*i].point.group.as_str()) && !best.contains(i)),
+    );
+    for index in order {
+        let dot = &dots[index];
+        let ([x, y], width) = (center(dot), 5.4 * dot.point.name.chars().count() as f64);
+        let places = [
+            (7.0, -4.0),
+            (7.0, 12.0),
+            (-7.0 - width, -4.0),
+            (-7.0 - width, 12.0),
+            (-0.5 * width, -9.0),
+            (-0.5 * width, 17.0),
+        ];
+        let free = |(dx, dy): &&(f64, f64)| {
+            let area = [x + dx, y + dy - 8.0, x + dx + width, y + dy + 2.0];
+            let inside = area[0] >= MARGIN[0]
+                && area[2] <= SIZE[0]
+                && area[1] >= MARGIN[1] - 6.0
+                && area[3] <= SIZE[1] - MARGIN[3];
+            let own = [x - 5.0, y - 5.0, x + 5.0, y + 5.0];
+            inside
+                && taken
+                    .iter()
+                    .filter(|t| **t != own)
+                    .all(|t| area[0] > t[2] || area[2] < t[0] || area[1] > t[3] || area[3] < t[1])
+        };
+        if let Some((dx, dy)) = places.iter().find(free) {
+            taken.push([x + dx, y + dy - 8.0, x + dx + width, y + dy + 2.0]);
+            let weight = if dot.point.group == "method" { "bold" } else { "normal" };
+            let _ = write!(
+                out,
+                "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"10\" font-weight=\"{weight}\" pointer-events=\"none\">{}</text>",
+                x + dx,
+                y + dy,
+                escape(&dot.point.name)
+            );
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! How far a picture is from both truths, by region.
+//!
+//! Against *model truth* pictures are compared as they are. Against *scene truth* real pixels are scored on the relighting: the
+//! yardstick there is L_cam · (truth with objects / truth without), so that the panorama's resolution is not counted as the
+//! method's error. Where a pixel is not wholly real the yardstick is the truth itself.
+
+use super::{
+    metrics::{Metrics, Picture, compare_regions},
+    regions::{Regions, regions},
+};
+use crate::{
+    Result,
+    gpu::Gpu,
+    reference::cache::Truth,
+    renderer::{RenderOptions, Renderer},
+    scene::Scene,
+    settings::{Method, Settings},
+};
+use serde::{Deserialize, Serialize};
+
+/// Below this radiance truth without objects is not divided by.
+const LEAST: f32 = 1e-4;
+
+/// Metrics by region; none where no pixel is in it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// All pixels.
+    pub whole: Metrics,
+    /// Less than half real.
+    #[serde(rename = "virtual")]
+    pub virtual_: Option<Metrics>,
+    /// Real pixels that objects change by more than 2 %.
+    pub influenced: Option<Metrics>,
+}
+
+impl Score {
+    /// Name and metrics of each region that has a pixel.
+    pub fn regions(&self) -> Vec<(&'static str, &Metrics)> {
+        let all = [Some(&self.whole), self.virtual_.as_ref(), self.influenced.as_ref()];
+        REGIONS.iter().zip(all).filter_map(|(name, metrics)| Some((*name, metrics?))).collect()
+    }
+
+    /// The metrics of a region by its name.
+    pub fn region(&self, name: &str) -> Option<&Metrics> {
+        self.regions().into_iter().find_map(|(region, metrics)| (region == name).then_some(metrics))
+    }
+}
+
+/// The regions' names, in the order of all tables.
+pub const REGIONS: [&str; 3] = ["whole", "virtual", "influenced"];
+
+/// A picture against both truths.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Scores {
+    /// What sampling, sparsity and filtering cost (with other geometry, as `ibl` has: that, too).
+    pub model: Score,
+    /// What the model costs as well; only where the true scene is known.
+    pub scene: Option<Score>,
+}
+
+/// A truth that pictures are held against, with its own noise.
+#[derive(Clone, Debug)]
+pub struct Yardstick {
+    /// Linear radiance.
+    pub radiance: Vec<[f32; 4]>,
+    /// The difference of two halves of the truth, each of half the samples.
+    pub noise: Score,
+}
+
+/// What is real of a view: the panorama alone, and each pixel's share M of it.
+#[derive(Clone, Debug)]
+pub struct RealView {
+    /// The picture without objects, L_cam.
+    pub camera_radiance: Vec<[f32; 4]>,
+    /// M.
+    pub real_coverage: Vec<f32>,
+}
+
+/// Renders what [`RealView`] holds, at a time in seconds. Nothing of it is random.
+///
+/// # Errors
+/// As [`Renderer::new`].
+pub fn real_view(gpu: &Gpu, scene: &Scene, options: &RenderOptions, time: f64) -> Result<RealView> {
+    let mut settings = Settings::of(Method::Reference);
+    (settings.relight_levels, settings.bounces) = (0, 1);
+    let with = RenderOptions { method: Method::Reference, settings, without_objects: false, ..options.clone() };
+    let without = RenderOptions { without_objects: true, ..with.clone() };
+    let mut renderer = Renderer::new(gpu, scene, without)?;
+    renderer.render(scene, time)?;
+    let camera_radiance = renderer.picture()?;
+    drop(renderer);
+    let mut renderer = Renderer::new(gpu, scene, with)?;
+    renderer.render(scene, time)?;
+    let real_coverage = renderer.aov("real_coverage")?.iter().map(|texel| texel[0]).collect();
+    Ok(RealView { camera_radiance, real_coverage })
+}
+
+/// Truths of one view, ready to score pictures of it.
+#[derive(Clone, Debug)]
+pub struct Scorer {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Factor on radiance for display.
+    pub exposure: f32,
+    /// From scene truth where it is known, else from model truth.
+    pub regions: Regions,
+    /// Against `reference --model panorama`.
+    pub model: Yardstick,
+    /// Against `reference --model scene`.
+    pub scene: Option<Yardstick>,
+}
+
+impl Scorer {
+    /// `scene` is its truth with the objects and without.
+    ///
+    /// # Errors
+    /// Truths of other sizes than the view, radiance that is not finite.
+    pub fn new(view: &RealView, model: &Truth, scene: Option<[&Truth; 2]>, exposure: f32) -> Result<Self> {
+        let size = model.size;
+        let (with, without) = match scene {
+            Some([with, without]) => (&with.radiance, &without.radiance),
+            None => (&model.radiance, &view.camera_radiance),
+        };
+        let regions = regions(size, with, without, &view.real_coverage);
+        let noise = |halves: [&[[f32; 4]]; 2]| score(size, halves[0], halves[1], &regions, exposure);
+        let model_noise = noise([&model.halves[0], &model.halves[1]])?;
+        let scene = match scene {
+            Some([with, without]) => {
+                let relit = |with: &[[f32; 4]], without: &[[f32; 4]]| relit(view, with, without);
+                let halves = [0, 1].map(|i| relit(&with.halves[i], &without.halves[i]));
+                let noise = noise([&halves[0], &halves[1]])?;
+                Some(Yardstick { radiance: relit(&with.radiance, &without.radiance), noise })
+            }
+            None => None,
+        };
+        let model = Yardstick { radiance: model.radiance.clone(), noise: model_noise };
+        Ok(Self { size, exposure, regions, model, scene })
+    }
+
+    /// Scores a picture of linear radiance.
+    ///
+    /// # Errors
+    /// Another size, radiance that is not finite.
+    pub fn score(&self, picture: &[[f32; 4]]) -> Result<Scores> {
+        let against = |truth: &Yardstick| score(self.size, picture, &truth.radiance, &self.regions, self.exposure);
+        Ok(Scores { model: against(&self.model)?, scene: self.scene.as_ref().map(against).transpose()? })
+    }
+
+    /// Scene truth where it is known, else model truth.
+    pub fn best(&self) -> &Yardstick {
+        self.scene.as_ref().unwrap_or(&self.model)
+    }
+}
+
+fn score(size: [u32; 2], test: &[[f32; 4]], truth: &[[f32; 4]], regions: &Regions, exposure: f32) -> Result<Score> {
+    let picture = |subject, texels| Picture { subject, size, texels };
+    let masks = [None, Some(regions.virtual_.as_slice()), Some(regions.influenced.as_slice())];
+    let found = compare_regions(picture("the picture", test), picture("the truth", truth), &masks, exposure)?;
+    let [Some(whole), virtual_, influenced] = found[..] else {
+        return Err(crate::Error::input("size", "the picture has no pixel", "give a width and a height of at least 1"));
+    };
+    Ok(Score { whole, virtual_, influenced })
+}
+
+/// The yardstick of scene truth: L_cam · (with / without) where a pixel is wholly real, else `with`.
+fn relit(view: &RealView, with: &[[f32; 4]], without: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    let texel = |i: usize| {
+        let (camera, with, without) = (view.camera_radiance[i], with[i], without[i]);
+        std::array::from_fn(|c| match c {
+            3 => 1.0,
+            _ if view.real_coverage[i] < 1.0 || without[c] < LEAST => with[c],
+            _ => camera[c] * (with[c] / without[c]),
+        })
+    };
+    (0..with.len()).map(texel).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [u32; 2] = [24, 16];
+
+    fn grey(value: impl Fn(usize) -> f32) -> Vec<[f32; 4]> {
+        (0..384).map(|i| [value(i), value(i), value(i), 1.0]).collect()
+    }
+
+    fn truth(halves: [Vec<[f32; 4]>; 2]) -> Truth {
+        let mean = |(a, b): (&[f32; 4], &[f32; 4])| std::array::from_fn(|c| 0.5 * (a[c] + b[c]));
+        let radiance = halves[0].iter().zip(&halves[1]).map(mean).collect();
+        Truth { size: SIZE, radiance, halves, spp: 2, outliers: 0.0 }
+    }
+
+    fn exact(texels: &[[f32; 4]]) -> Truth {
+        truth([texels.to_vec(), texels.to_vec()])
+    }
+
+    /// The left third is an object, the middle third is in its shadow, which halves the light. The panorama is a tenth too dark.
+    fn shadow() -> (RealView, Truth, Truth, Truth) {
+        let third = |i: usize| i % 24 / 8;
+        let without = grey(|_| 0.5);
+        let with = grey(|i| [0.9, 0.25, 0.5][third(i)]);
+        let camera_radiance = grey(|_| 0.45);
+        let model = grey(|i| [0.9, 0.225, 0.45][third(i)]);
+        let real_coverage = (0..384).map(|i| if third(i) == 0 { 0.0 } else { 1.0 }).collect();
+        (RealView { camera_radiance, real_coverage }, exact(&model), exact(&with), exact(&without))
+    }
+
+    #[test]
+    fn real_pixels_are_scored_on_the_relighting() {
+        let (view, model, with, without) = shadow();
+        let scorer = Scorer::new(&view, &model, Some([&with, &without]), 1.0).expect("scores");
+        let scores = scorer.score(&model.radiance).expect("scores");
+        for (region, metrics) in scores.model.regions().into_iter().chain(scores.scene.expect("known").regions()) {
+            assert!(metrics.rmse < 1e-6 && metrics.flip < 1e-3, "{region}: {metrics:?}");
+        }
+        assert_eq!(scores.model.virtual_.expect("an object").pixels, 8 * 16);
+        // the 5×5 windows at the shadow's edge reach 2 pixels into the light; those by the object see it
+        assert_eq!(scores.model.influenced.expect("a shadow").pixels, 10 * 16);
+    }
+
+    #[test]
+    fn a_shadow_that_is_missing_is_an_error_of_the_influenced_region_alone() {
+        let (view, model, with, without) = shadow();
+        let scorer = Scorer::new(&view, &model, Some([&with, &without]), 1.0).expect("scores");
+        let lit = grey(|i| if i % 24 < 8 { 0.9 } else { 0.45 });
+        let score = scorer.score(&lit).expect("scores").scene.expect("known");
+        assert!((score.virtual_.expect("an object").rmse) < 1e-6);
+        // 8 of 10 columns lack a shadow of 0.225
+        let expected = 0.225 * (0.8f64).sqrt();
+        assert!((score.influenced.expect("a shadow").rmse - expected).abs() < 1e-6);
+    }
+
+    #[test]
+    fn without_scene_truth_there_is_no_such_score() {
+        let (view, model, ..) = shadow();
+        let scorer = Scorer::new(&view, &model, None, 1.0).expect("scores");
+        let scores = scorer.score(&model.radiance).expect("scores");
+        assert!(scores.scene.is_none() && scores.model.whole.rmse == 0.0);
+        assert_eq!(scores.model.influenced.expect("a shadow").pixels, 10 * 16);
+        let text = serde_json::to_string(&scores).expect("JSON");
+        assert_eq!(serde_json::from_str::<Scores>(&text).expect("as it was"), scores);
+    }
+
+    #[test]
+    fn the_noise_is_the_difference_of_the_halves() {
+        let (view, _, with, without) = shadow();
+        let noisy = truth([grey(|_| 0.4), grey(|_| 0.6)]);
+        let scorer = Scorer::new(&view, &noisy, Some([&with, &without]), 1.0).expect("scores");
+        assert!((scorer.model.noise.whole.rmse - 0.2).abs() < 1e-6);
+        assert_eq!(scorer.scene.expect("known").noise.whole.rmse, 0.0);
+    }
+}

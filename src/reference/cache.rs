@@ -1,0 +1,348 @@
+//! Truths of one picture, computed once and kept in the cache folder under a hash of all that they depend on.
+//!
+//! A truth is many small independent pictures, *batches*, each of its own seed and each a file: an interrupted run loses the batch
+//! in flight, and a run that asks for more samples adds batches to those that are there. Even and odd batches make two halves,
+//! whose difference is the truth's own noise.
+//!
+//! A rare path to a small lamp (a caustic) can hold more light than all others of a pixel together. In each half a pixel's brightest batches are left out, one in four at most, as long as they are more than
+//! [`OUTLIER`] times as bright as the rest of the half's mean. What that takes away is told: [`Truth::outliers`].
+
+use super::path_trace::{PathSettings, PathTracer, hash_scene};
+use crate::{
+    Error, Result,
+    gpu::Gpu,
+    image_file::{read::read_bytes, write::write_bytes},
+    passes::view::{Projection, ViewData, Viewpoint},
+    renderer::{RenderOptions, Renderer},
+    scene::{CompleteScene, Scene, camera::Camera},
+    settings::{Method, Settings},
+    shaders,
+};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicBool, Ordering},
+};
+
+/// What a batch's file starts with.
+const MAGIC: &[u8] = b"iprt truth 1\n";
+/// Changes when this program computes truths otherwise without a change of a shader.
+const VERSION: u32 = 2;
+/// Samples of a batch of scene truth.
+pub const SCENE_BATCH: u32 = 16;
+/// Paths of a batch of model truth.
+pub const MODEL_BATCH: u32 = 16;
+/// Frames that the relit panorama of each half of model truth is accumulated for before the first batch.
+pub const MODEL_WARM_UP: u32 = 64;
+/// Added to the seed, so that no picture is held against a truth made of the same random numbers.
+const SEED: u32 = 0x7472_7574;
+/// Batches at least.
+const BATCHES: u32 = 8;
+/// A batch so many times as bright as the rest is left out.
+pub const OUTLIER: f32 = 4.0;
+
+/// Where truths are kept, and when to stop.
+#[derive(Clone, Copy, Debug)]
+pub struct Keep<'a> {
+    /// See [`cache_folder`](super::capture::cache_folder); nothing is kept where there is none.
+    pub folder: Option<&'a Path>,
+    /// Ends the work when it is set.
+    pub stop: &'a AtomicBool,
+}
+
+impl Keep<'_> {
+    /// # Errors
+    /// [`Error::Interrupted`] where it is to stop.
+    pub fn go_on(&self, subject: &str) -> Result<()> {
+        if !self.stop.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        Err(Error::Interrupted {
+            subject: subject.to_owned(),
+            at: "as asked".to_owned(),
+            remedy: "what was done is kept: give the same command to go on".to_owned(),
+        })
+    }
+}
+
+/// A truth with its noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truth {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Mean of both halves: linear radiance, RGBA, row 0 on top.
+    pub radiance: Vec<[f32; 4]>,
+    /// Independent estimates with half the samples each.
+    pub halves: [Vec<[f32; 4]>; 2],
+    /// Samples a pixel, of both halves.
+    pub spp: u32,
+    /// Share of the picture's luminance that was in outliers, and left out.
+    pub outliers: f64,
+}
+
+/// Truth of the complete true scene at a time in seconds. Size, projection and seed of `options` count; `spp` is rounded up to two
+/// equal numbers of batches. `tick` is called after each sample, those that were kept included.
+///
+/// # Errors
+/// As [`PathTracer::new`]; [`Error::Interrupted`].
+pub fn truth_of_scene(
+    gpu: &Gpu,
+    scene: &CompleteScene,
+    options: &RenderOptions,
+    time: f64,
+    spp: u32,
+    keep: Keep,
+    tick: &mut dyn FnMut(),
+) -> Result<Truth> {
+    let state = scene.at(time);
+    let viewpoint = scene_viewpoint(options, &state.camera);
+    let [batch, count] = batches(spp, SCENE_BATCH);
+    let mut view = ViewData { size: options.size, seed: options.seed, ..Default::default() };
+    viewpoint.write(&viewpoint, &mut view);
+    let mut hasher = hash_scene(&scene.packed, &state.instances);
+    hasher.update(bytemuck::bytes_of(&view)).update(bytemuck::bytes_of(&state.camera.position));
+    let name = name(hasher, "scene", batch);
+    let make = |index: u32, tick: &mut dyn FnMut()| {
+        let settings = PathSettings::unbiased(options.size, options.seed.wrapping_add(SEED + index));
+        let centre = state.camera.position;
+        let mut tracer = PathTracer::new(gpu, &scene.packed, &state.instances, centre, &viewpoint, &settings)?;
+        for _ in 0..batch {
+            keep.go_on(&scene.name)?;
+            tracer.sample()?;
+            tick();
+        }
+        Ok(tracer.read()?.radiance())
+    };
+    collect(options.size, [batch, count], &name, keep, make, tick)
+}
+
+/// Truth of `iprt`'s model, `reference --model panorama`, at a time in seconds. Size, projection and seed of `options` count, and
+/// whether it has objects; the settings are those of [`Method::Reference`] with `overrides` over them.
+///
+/// # Errors
+/// As [`Renderer::new`]; [`Error::Interrupted`].
+#[allow(clippy::too_many_arguments, reason = "each is one thing that a truth depends on")]
+pub fn truth_of_model(
+    gpu: &Gpu,
+    scene: &Scene,
+    options: &RenderOptions,
+    overrides: &[(String, String)],
+    time: f64,
+    spp: u32,
+    keep: Keep,
+    tick: &mut dyn FnMut(),
+) -> Result<Truth> {
+    let [batch, count] = batches(spp, MODEL_BATCH);
+    let mut settings = Settings::of(Method::Reference);
+    settings.relight_warmup = MODEL_WARM_UP;
+    for (key, value) in overrides {
+        settings.set(key, value, &scene.name)?;
+    }
+    let options = RenderOptions { method: Method::Reference, settings, ..options.clone() };
+    let mut hasher = hash_rendered(scene, time)?;
+    hasher.update(describe(&options).as_bytes());
+    let name = name(hasher, "model", batch);
+    // one renderer a half: what its relit panorama is off by is noise of that half
+    let mut of_half: Option<(u32, Renderer)> = None;
+    let make = |index: u32, tick: &mut dyn FnMut()| {
+        let mut renderer = match of_half.take() {
+            Some((half, mut renderer)) if half == index % 2 => {
+                renderer.restart_picture();
+                renderer
+            }
+            _ => {
+                let options = RenderOptions { seed: options.seed.wrapping_add(SEED + index), ..options.clone() };
+                Renderer::new(gpu, scene, options)?
+            }
+        };
+        for _ in 0..batch {
+            keep.go_on(&scene.name)?;
+            renderer.render(scene, time)?;
+            tick();
+        }
+        let picture = renderer.picture()?;
+        of_half = Some((index % 2, renderer));
+        Ok(picture)
+    };
+    collect(options.size, [batch, count], &name, keep, make, tick)
+}
+
+/// The start of a hash of all that the renderer makes of a scene at one time: the scene and the shaders.
+///
+/// # Errors
+/// A panorama that cannot be read.
+pub fn hash_rendered(scene: &Scene, time: f64) -> Result<blake3::Hasher> {
+    let state = scene.at(time, time);
+    let mut hasher = hash_scene(&scene.packed, &state.instances);
+    let panorama = scene.panorama.load(scene.panorama.frame_at(time))?;
+    hasher.update(bytemuck::cast_slice(&[panorama.color_size, panorama.depth_size]));
+    hasher.update(bytemuck::cast_slice(&panorama.radiance)).update(bytemuck::cast_slice(&panorama.depth));
+    let place = (scene.panorama.position, scene.panorama.yaw_degrees, panorama.quantisation);
+    hasher.update(format!("{place:?} {:?}", state.camera).as_bytes());
+    hasher.update(&shaders::DIGEST.to_le_bytes()).update(&VERSION.to_le_bytes());
+    Ok(hasher)
+}
+
+/// All of them as text.
+pub fn describe(options: &RenderOptions) -> String {
+    let RenderOptions { size, method: _, settings, projection, seed, without_objects } = options;
+    format!("{size:?} {projection:?} {seed} {without_objects} {:?}", settings.values())
+}
+
+fn scene_viewpoint(options: &RenderOptions, camera: &Camera) -> Viewpoint {
+    match options.projection {
+        Projection::Perspective => {
+            Viewpoint::perspective(Vec3::ZERO, camera.rotation, camera.fov_y_degrees, options.size)
+        }
+        Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, camera.rotation),
+    }
+}
+
+/// Samples of a batch, and an even number of batches that hold `spp`, four a half at least.
+fn batches(spp: u32, most: u32) -> [u32; 2] {
+    let batch = (spp / BATCHES).clamp(1, most);
+    [batch, 2 * spp.div_ceil(2 * batch).max(BATCHES / 2)]
+}
+
+/// Samples that are taken where `spp` are asked for, in batches of at most `most`.
+pub fn rounded(spp: u32, most: u32) -> u32 {
+    let [batch, count] = batches(spp, most);
+    batch * count
+}
+
+fn name(mut hasher: blake3::Hasher, model: &str, batch: u32) -> String {
+    hasher.update(model.as_bytes()).update(&batch.to_le_bytes()).update(&VERSION.to_le_bytes());
+    format!("truth-{}", &hasher.finalize().to_hex()[..32])
+}
+
+fn collect(
+    size: [u32; 2],
+    [batch, count]: [u32; 2],
+    name: &str,
+    keep: Keep,
+    mut make: impl FnMut(u32, &mut dyn FnMut()) -> Result<Vec<[f32; 4]>>,
+    tick: &mut dyn FnMut(),
+) -> Result<Truth> {
+    let folder = keep.folder.map(|folder| folder.join(name));
+    let mut all: [Vec<Vec<[f32; 4]>>; 2] = Default::default();
+    // one half after the other
+    for index in (0..count).step_by(2).chain((1..count).step_by(2)) {
+        let file = folder.as_ref().map(|folder| folder.join(format!("{index:04}")));
+        let kept = file.as_deref().and_then(|file| load(file, size));
+        let texels = match kept {
+            Some(texels) => {
+                (0..batch).for_each(|_| tick());
+                texels
+            }
+            None => {
+                let texels = make(index, tick)?;
+                if let Some(file) = &file
+                    && let Err(error) = store(file, &texels)
+                {
+                    tracing::warn!("a truth is not kept: {error}");
+                }
+                texels
+            }
+        };
+        all[index as usize % 2].push(texels);
+    }
+    let (halves, raw): (Vec<_>, Vec<f64>) = all.iter().map(|half| mean_without_outliers(half)).unzip();
+    let [a, b] = <[Vec<[f32; 4]>; 2]>::try_from(halves).map_err(|_| Error::Internal("two halves".to_owned()))?;
+    let radiance: Vec<[f32; 4]> = a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c]))).collect();
+    let kept: f64 = 2.0 * radiance.iter().map(|texel| f64::from(luminance(texel))).sum::<f64>();
+    let raw: f64 = raw.iter().sum();
+    let outliers = if raw > 0.0 { ((raw - kept) / raw).max(0.0) } else { 0.0 };
+    Ok(Truth { size, radiance, halves: [a, b], spp: batch * count, outliers })
+}
+
+fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// The mean over batches, outliers left out, and the sum over pixels of the luminance with them.
+fn mean_without_outliers(batches: &[Vec<[f32; 4]>]) -> (Vec<[f32; 4]>, f64) {
+    let pixel = |index: usize| {
+        let mut values: Vec<[f32; 4]> = batches.iter().map(|batch| batch[index]).collect();
+        values.sort_by(|a, b| luminance(a).total_cmp(&luminance(b)));
+        let all = values.iter().map(luminance).sum::<f32>() / values.len() as f32;
+        for _ in 0..batches.len() / 4 {
+            let Some((last, rest)) = values.split_last() else { break };
+            let mean = rest.iter().map(luminance).sum::<f32>() / rest.len() as f32;
+            if luminance(last) <= OUTLIER * mean {
+                break;
+            }
+            values.pop();
+        }
+        let scale = 1.0 / values.len() as f32;
+        let mean: [f32; 4] = std::array::from_fn(|c| values.iter().map(|value| value[c]).sum::<f32>() * scale);
+        (mean, f64::from(all))
+    };
+    let pixels = batches.first().map_or(0, Vec::len);
+    let (texels, with): (Vec<_>, Vec<f64>) = (0..pixels).into_par_iter().map(pixel).unzip();
+    (texels, with.iter().sum())
+}
+
+fn store(file: &Path, texels: &[[f32; 4]]) -> Result<()> {
+    let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
+    fs::create_dir_all(&folder).map_err(|error| {
+        Error::input(
+            folder.display(),
+            format!("cannot be made: {}", error.kind()),
+            "set IPRT_CACHE to a writable folder",
+        )
+    })?;
+    let values: Vec<f32> = texels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    let content = bytemuck::cast_slice::<_, u8>(&values);
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(blake3::hash(content).as_bytes());
+    bytes.extend(content);
+    write_bytes(file, &bytes)
+}
+
+/// `None` where there is no such batch or the file is not as it was written.
+fn load(file: &Path, size: [u32; 2]) -> Option<Vec<[f32; 4]>> {
+    if !file.exists() {
+        return None;
+    }
+    let load = || {
+        let bytes = read_bytes(file).ok()?;
+        let (hash, content) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<32>()?;
+        let whole = content.len() == size[0] as usize * size[1] as usize * 12;
+        (whole && blake3::hash(content) == *hash).then(|| {
+            let value = |bytes: &[u8]| bytemuck::pod_read_unaligned::<f32>(bytes);
+            content.chunks_exact(12).map(|t| [value(&t[..4]), value(&t[4..8]), value(&t[8..]), 1.0]).collect()
+        })
+    };
+    let texels = load();
+    if texels.is_none() {
+        tracing::warn!("{}: damaged, it is computed again", file.display());
+    }
+    texels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn batches_are_even_and_hold_the_samples() {
+        assert_eq!(batches(1, 16), [1, 8]);
+        assert_eq!(batches(8, 16), [1, 8]);
+        assert_eq!(batches(64, 16), [8, 8]);
+        assert_eq!(batches(65, 16), [8, 10]);
+        assert_eq!(batches(256, 16), [16, 16]);
+    }
+
+    #[test]
+    fn one_firefly_of_four_batches_is_left_out_and_told() {
+        let grey = |v: f32| vec![[v, v, v, 1.0], [1.0, 1.0, 1.0, 1.0]];
+        let (mean, with) = mean_without_outliers(&[grey(1.0), grey(50.0), grey(0.5), grey(1.5)]);
+        assert_eq!(mean, grey(1.0));
+        assert!((with - (53.0 / 4.0 + 1.0)).abs() < 1e-5, "{with}");
+        // noise is none, and of three batches nothing is an outlier
+        assert_eq!(mean_without_outliers(&[grey(1.0), grey(3.0), grey(0.5), grey(1.5)]).0, grey(1.5));
+        assert_eq!(mean_without_outliers(&[grey(1.0), grey(50.0), grey(0.0)]).0, grey(17.0));
+    }
+}

@@ -1,0 +1,262 @@
+//! `chart`: what it measures is measured once, truths are kept and checked, and what it writes can be read.
+
+mod common;
+
+use common::{ball, camera, lambert, options, room, scene, validated};
+use glam::{Vec3, vec3};
+use iprt::{
+    Error,
+    image_file::read::read,
+    measure::chart::{Case, Chart, ChartOptions, point::FILE, run, sweep::Sweep},
+    passes::view::Projection,
+    reference::cache::{Keep, Truth, truth_of_model, truth_of_scene},
+    scene::{CompleteScene, material::Material, shapes::Shape},
+    settings::Method,
+};
+use std::{
+    cell::Cell,
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+};
+
+const SIZE: [u32; 2] = [48, 36];
+const EXTENT: Vec3 = vec3(4.0, 3.0, 4.0);
+
+/// A grey ball in a room whose walls shine, more from above: what methods render, and all of it as geometry.
+fn case() -> Case {
+    let shines = |d: Vec3| Vec3::splat(if d.y > 0.6 { 2.0 } else { 0.4 });
+    let eye = camera(Vec3::ZERO, vec3(0.0, -0.6, -1.5), 60.0);
+    let grey = ball(0.4, lambert(0.5), vec3(0.0, -1.0, -1.5));
+    let panorama = room([128, 64], EXTENT, Vec3::ZERO, shines);
+    let mut walls = Material { emissive: Vec3::splat(0.4), ..lambert(0.3) };
+    walls.name = "walls".into();
+    let walls = Arc::new(iprt::scene::model::Model::from_mesh(Shape::Box.mesh(EXTENT), walls));
+    let complete = |objects| CompleteScene::assemble("test", walls.clone(), eye.clone(), objects).expect("fits");
+    let mut scene = scene(panorama, eye.clone(), vec![grey.clone()]);
+    // the relit panorama would take most of the time
+    scene.render.set.insert("relight_width".to_owned(), toml::Value::Integer(16));
+    Case { name: "test room".to_owned(), scene, complete: Some([complete(vec![grey]), complete(Vec::new())]) }
+}
+
+fn chart_options() -> ChartOptions {
+    let wanted = ["iprt", "rays_per_pixel = 1", "scale = 0.5", "reference, 4 paths"];
+    ChartOptions {
+        size: SIZE,
+        projection: Projection::Perspective,
+        seed: 1,
+        frame: 0,
+        frames: vec![1, 2],
+        moving_frames: 2,
+        rounds: 1,
+        model_spp: 8,
+        scene_spp: 8,
+        points: Sweep::Full.points().into_iter().filter(|spec| wanted.contains(&spec.name.as_str())).collect(),
+    }
+}
+
+static GO_ON: AtomicBool = AtomicBool::new(false);
+
+fn keep(folder: &Path) -> Keep<'_> {
+    Keep { folder: Some(folder), stop: &GO_ON }
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() { found.extend(files(&path)) } else { found.push(path) }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn points_are_measured_once_however_often_it_is_interrupted() {
+    validated(|gpu| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (cache, out) = (folder.path().join("cache"), folder.path().join("out"));
+        let (case, options) = (case(), chart_options());
+        let stop = AtomicBool::new(false);
+        let keep = Keep { folder: Some(&cache), stop: &stop };
+        // It is stopped whenever a point has been begun that was not there before.
+        let mut seen: BTreeMap<String, String> = BTreeMap::new();
+        let mut interruptions = 0;
+        let chart = loop {
+            stop.store(false, Ordering::Relaxed);
+            let begun = Cell::new(0);
+            let result = run::run(gpu, std::slice::from_ref(&case), &options, &out, keep, &mut |work, what| {
+                if work > 0 && !what.contains("truth") {
+                    begun.set(begun.get() + 1);
+                    stop.store(begun.get() > interruptions, Ordering::Relaxed);
+                }
+            });
+            let written = fs::read_to_string(out.join(FILE)).expect("there is a chart");
+            let points: serde_json::Value = serde_json::from_str(&written).expect("JSON");
+            for point in points["points"].as_array().expect("points") {
+                let text = point.to_string();
+                let before = seen.insert(point["key"].as_str().expect("a key").to_owned(), text.clone());
+                assert!(before.is_none_or(|before| before == text), "a point was measured again");
+            }
+            match result {
+                Ok(chart) => break chart,
+                Err(Error::Interrupted { .. }) => interruptions += 1,
+                Err(error) => panic!("{error}"),
+            }
+        };
+        assert!(interruptions >= 3, "{interruptions}");
+        assert_eq!((chart.points.len(), seen.len()), (4, 4));
+        assert_eq!(Chart::load(&out).expect("a chart"), Some(chart.clone()));
+        check_points(&chart, &out);
+        check_documents(&chart, &out);
+
+        // Of another size it is another chart; of another seed of the truth, too.
+        let other = ChartOptions { size: [32, 24], ..options.clone() };
+        let error =
+            run::run(gpu, std::slice::from_ref(&case), &other, &out, keep, &mut |_, _| {}).expect_err("another");
+        assert!(error.to_string().contains("32×24") && error.exit_code() == 2, "{error}");
+    });
+}
+
+fn check_points(chart: &Chart, out: &Path) {
+    for point in &chart.points {
+        assert_eq!(point.rounds.len(), 1);
+        for outcome in &point.outcomes {
+            assert!(out.join(&outcome.picture).is_file() && out.join(&outcome.difference).is_file());
+            assert!(outcome.scores.scene.is_some(), "the true room is known");
+        }
+    }
+    let frames = |name: &str| -> Vec<u32> {
+        chart.point("test room", name).expect("a point").outcomes.iter().map(|outcome| outcome.frames).collect()
+    };
+    assert_eq!(frames("iprt"), [1, 2]);
+    assert_eq!(frames("reference, 4 paths"), [4]);
+    assert_eq!(chart.point("test room", "scale = 0.5").expect("a point").rendered, [24, 18]);
+    let csv = chart.csv();
+    let columns = csv.lines().next().expect("a head").split(',').count();
+    assert!(csv.lines().all(|line| line.split(',').count() == columns), "{csv}");
+}
+
+/// What people open: it holds every point, and needs nothing that is not in it.
+fn check_documents(chart: &Chart, out: &Path) {
+    chart.write_figure(out).expect("writes");
+    chart.write_page(out).expect("writes");
+    let page = fs::read_to_string(out.join("chart.html")).expect("a page");
+    let drawing = fs::read_to_string(out.join("chart.svg")).expect("a drawing");
+    for elsewhere in ["http:", "https:", "src=\"pictures", "<link", "@import", "url("] {
+        assert!(!page.contains(elsewhere), "{elsewhere}");
+    }
+    let linked: Vec<&str> = page.split("href=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert!(
+        linked.iter().all(|link| page.contains(&format!("id=\"{}\"", &link[1..]))),
+        "links lead to rows of the page"
+    );
+    for point in &chart.points {
+        assert!(page.contains(&format!(">{}</b>", point.name)), "{} has no row", point.name);
+        assert!(drawing.contains(&format!("<title>{}&#10;", point.name)), "{} is not drawn", point.name);
+        for (name, value) in &point.settings {
+            assert!(page.contains(&format!("{name} = {value}")), "{name} of {}", point.name);
+        }
+    }
+    // rooms of the truth and its regions, and a picture and a difference of each point
+    assert_eq!(page.matches("data:image/png;base64,").count(), 4 + 2 * chart.points.len());
+    let findings = chart.findings(&chart.scenes[0]);
+    let settings: Vec<&str> = findings.iter().map(|finding| finding.setting.as_str()).collect();
+    assert_eq!(settings, ["rays_per_pixel", "scale"]);
+    assert!(findings[0].sentences[0].starts_with("1 instead of 0.25 "), "{findings:?}");
+    let png = read(&out.join("chart.png")).expect("an image").into_color("chart.png").expect("RGB");
+    let dark = png.texels.iter().filter(|texel| texel[0] + texel[1] + texel[2] < 1.0).count();
+    assert!(png.size[0] > 1000 && dark > 500, "{:?}, {dark} dark pixels", png.size);
+    let document = out.join("table.md");
+    fs::write(&document, "<!-- chart full: here -->\n<!-- end of chart full -->\n").expect("writes");
+    chart.write_markdown(out, &document, "full").expect("writes");
+    let table = fs::read_to_string(&document).expect("reads");
+    assert!(
+        table.contains("](images/full-test_room.png)") && out.join("images/full-test_room.png").is_file(),
+        "{table}"
+    );
+    for point in &chart.points {
+        assert!(table.contains(&format!("| `{}` |", point.name)), "{table}");
+    }
+}
+
+#[test]
+fn truths_are_kept_checked_and_made_anew_for_other_settings() {
+    validated(|gpu| {
+        let cache = tempfile::tempdir().expect("a folder");
+        let case = case();
+        let options = options(Method::Reference, &[]);
+        let samples = Cell::new(0);
+        let model = |set: &[(&str, &str)], spp| -> Truth {
+            let coarse = [("relight_width", "16")];
+            let set: Vec<_> = coarse.iter().chain(set).map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+            let mut tick = || samples.set(samples.get() + 1);
+            truth_of_model(gpu, &case.scene, &options, &set, 0.0, spp, keep(cache.path()), &mut tick).expect("a truth")
+        };
+        let first = model(&[], 8);
+        assert_eq!((first.spp, samples.take()), (8, 8));
+        let kept = files(cache.path());
+        assert_eq!(kept.len(), 8, "a file a batch");
+        let times = || -> Vec<_> {
+            kept.iter().map(|file| file.metadata().and_then(|m| m.modified()).expect("a time")).collect()
+        };
+        let written = times();
+        assert!(model(&[], 8) == first && times() == written, "read, not computed");
+
+        // A damaged batch is computed again, to the same bits but for the relit panorama's age.
+        let mut bytes = fs::read(&kept[3]).expect("reads");
+        let last = bytes.len() - 1;
+        bytes[last] ^= 1;
+        fs::write(&kept[3], &bytes).expect("writes");
+        let mended = model(&[], 8);
+        assert_ne!(fs::read(&kept[3]).expect("reads"), bytes, "written anew");
+        assert_eq!(mended.halves[0], first.halves[0], "batch 3 is of the second half");
+        fs::write(&kept[3], "short").expect("writes");
+        model(&[], 8);
+        assert!(fs::read(&kept[3]).expect("reads").len() > 100);
+
+        // Other settings have their own files, and more samples are added to those that are there.
+        model(&[("bounces", "1")], 8);
+        assert_eq!(files(cache.path()).len(), 16);
+        let more = model(&[], 10);
+        assert_eq!((more.spp, files(cache.path()).len()), (10, 18));
+
+        // So for scene truth; halves are independent of each other.
+        let [with, _] = case.complete.as_ref().expect("known");
+        let scene = |keep| truth_of_scene(gpu, with, &options, 0.0, 8, keep, &mut || ()).expect("a truth");
+        let truth = scene(keep(cache.path()));
+        assert_eq!(files(cache.path()).len(), 26);
+        assert_ne!(truth.halves[0], truth.halves[1]);
+        assert_eq!(scene(Keep { folder: None, stop: &GO_ON }), truth);
+    });
+}
+
+fn fails(arguments: &[&str], words: &[&str]) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_iprt"));
+    let output = command.args(arguments).env_remove("IPRT_VALIDATION").output().expect("runs");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "iprt {arguments:?}: {stderr}");
+    assert_eq!(stderr.trim_end().lines().count(), 1, "iprt {arguments:?}: {stderr}");
+    for word in words {
+        assert!(stderr.contains(word), "iprt {arguments:?}: no \"{word}\" in {stderr}");
+    }
+}
+
+#[test]
+fn what_cannot_be_charted_is_one_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    fs::write(folder.path().join("file"), "").expect("writes");
+    fs::write(folder.path().join("plain.md"), "no marks").expect("writes");
+    let (out, file, plain) = (path("out"), path("file"), path("plain.md"));
+    fails(&["chart", "-o", &out, "--sweep", "everything"], &["--sweep", "everything", "methods, small, full"]);
+    fails(&["chart", "-o", &out, "--size", "12"], &["--size", "12"]);
+    fails(&["chart", "nowhere.toml", "-o", &out], &["nowhere.toml"]);
+    fails(&["chart", "-o", &out, "--markdown", &plain], &["plain.md", "<!-- chart full:"]);
+    fails(&["chart", "-o", &format!("{file}/x"), "--size", "16x16"], &["file/x", "folder"]);
+}
