@@ -21,7 +21,8 @@
 //! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
 //! * [`passes`]: one file a pass. Each runs on a [`passes::view::View`], the images and history of one picture, and finds what
 //!   it binds by GLSL name ([`passes::resources`]).
-//! * [`renderer`]: the frame.
+//! * [`plan`]: which parts of the model a scene needs. What is left out is not dispatched, compiled in or allocated.
+//! * [`renderer`]: the frame, as far as the plan has it.
 //! * [`mod@reference`]: scene truth by path tracing, and the panoramas of the built-in rooms made with it.
 //! * [`measure`]: pass times.
 //! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
@@ -81,6 +82,7 @@ pub mod image_file;
 pub mod measure;
 pub mod panorama;
 pub mod passes;
+pub mod plan;
 pub mod reference;
 pub mod renderer;
 pub mod scene;

@@ -8,6 +8,7 @@ pub mod common;
 pub mod compare;
 pub mod devices;
 pub mod masks;
+pub mod plan;
 pub mod reference;
 pub mod render;
 pub mod scene;
@@ -43,6 +44,8 @@ pub enum Command {
     Reference(reference::Args),
     /// Path-trace the RGBD panorama of a room
     Capture(capture::Args),
+    /// Print which parts of the model a scene needs, and why
+    Plan(plan::Args),
     /// Measure how far a picture is from the truth
     Compare(compare::Args),
     /// Write which pixels show objects, and which they influence
@@ -62,6 +65,7 @@ impl Command {
             Self::Bench(args) => bench::run(&args),
             Self::Reference(args) => reference::run(&args),
             Self::Capture(args) => capture::run(&args),
+            Self::Plan(args) => plan::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Masks(args) => masks::run(&args),
             Self::Check(args) => check::run(&args),
