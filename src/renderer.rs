@@ -230,7 +230,10 @@ impl Renderer {
         if let Some(light_table) = &passes.light_table {
             light_table.record(frame, panorama, view)?;
         }
-        frame.barrier("all passes read the panorama");
+        // light_table's own barrier comes after what the others wrote, and irradiance after that of sampling_mask
+        if passes.light_table.is_none() && (passes.radiance_pyramid.is_some() || passes.normals.is_some()) {
+            frame.barrier("gbuffer reads the panorama");
+        }
         Ok(())
     }
 

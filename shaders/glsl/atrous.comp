@@ -41,6 +41,7 @@ void main() {
     if (imageLoad(in_mask, ivec3(p, layer)).x == 0.0) return;
 
     vec4 a = imageLoad(in_a, ivec3(p, layer)), b = has_b(layer) ? imageLoad(in_b, ivec3(p, layer)) : vec4(0.0);
+    if (push.raw != 0u) b.w = 0.0;
     vec4 position = imageLoad(in_position, ivec3(p, layer)), normal = imageLoad(in_normal, ivec3(p, layer));
     float id = imageLoad(in_motion, ivec3(p, layer)).w;
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));

@@ -73,7 +73,8 @@ pub fn run(args: &Args) -> Result<()> {
     let converge = args.spp.is_some() || options.method == Method::Reference;
     let warmup = args.warmup.unwrap_or(if converge { 0 } else { 15 });
     let spp = if converge { args.spp.unwrap_or(64).max(1) } else { 1 };
-    let frames = warmup + (last - first + 1) * spp + args.timings.map_or(0, |frames| frames + 1);
+    let timed = args.timings.map_or(0, |frames| frames.saturating_add(1));
+    let frames = (last - first + 1).saturating_mul(spp).saturating_add(warmup).saturating_add(timed);
     let plan = Plan::of(&scene, &options, Some(frames))?;
     let mut renderer = Renderer::with_plan(&gpu, &scene, options, plan)?;
     check_aovs(&renderer, &args.aov)?;

@@ -64,6 +64,7 @@ impl Irradiance {
                 (5, virtual_tracer as u32),
                 (6, settings.relighting as u32),
                 (7, settings.directions as u32),
+                plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Emission),
                 plan.constant(Part::Textures),

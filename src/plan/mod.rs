@@ -15,7 +15,7 @@ use crate::{
     Result,
     renderer::RenderOptions,
     scene::Scene,
-    settings::{Directions, MaskBy, Method, RealTracer, Settings},
+    settings::{Directions, MaskBy, Method, RealTracer, Settings, VirtualTracer},
 };
 
 /// A part of the model, in the order of the frame.
@@ -269,11 +269,13 @@ impl Plan {
         let (facts, settings) = (&self.facts, &self.settings);
         let found =
             |what: &Option<String>, none: &str| (what.is_some(), what.clone().unwrap_or_else(|| none.to_owned()));
+        let screen = settings.virtual_tracer == VirtualTracer::Screen;
         let because = |on, yes: &str, no: &str| (on, if on { yes } else { no }.to_owned());
         match part {
             Part::Objects => {
                 (facts.instances > 0, format!("{} inserted", count(facts.instances, "mesh is", "meshes are")))
             }
+            Part::VirtualSurfaces if screen => (true, "rays walk the picture (virtual_tracer = screen)".to_owned()),
             Part::VirtualSurfaces => because(facts.in_view, "objects may be in view", "no object is ever in view"),
             Part::OffCentre if !facts.has_depth => (false, "the panorama is infinitely far".to_owned()),
             Part::OffCentre => match facts.camera {
@@ -293,6 +295,7 @@ impl Plan {
                 "the panorama has depth",
                 "the panorama is infinitely far: its depth is all holes",
             ),
+            Part::LightTable if settings.directions == Directions::Light => (true, "all rays draw from it".to_owned()),
             Part::LightTable => match facts.light_share {
                 Some(share) => {
                     (share >= facts::EVEN, format!("{:.1} % of the panorama's light is above its mean", 100.0 * share))
@@ -305,6 +308,7 @@ impl Plan {
             Part::Specular => found(&facts.specular, "all materials are pure Lambert"),
             Part::Emission => found(&facts.emissive, "nothing shines"),
             Part::Textures => found(&facts.textured, "no material has a texture"),
+            Part::Bounces if screen => (true, "what rays meet is a guess (virtual_tracer = screen)".to_owned()),
             Part::Bounces => (
                 facts.alone.is_err(),
                 match &facts.alone {
@@ -312,6 +316,9 @@ impl Plan {
                     Err(why) => why.clone(),
                 },
             ),
+            Part::Temporal if self.on(Part::Relight) && settings.relight_warmup > 0 => {
+                (true, "the relit maps are accumulated first".to_owned())
+            }
             Part::Temporal => (
                 facts.frames != Some(1),
                 facts.frames.map_or("frames follow each other".to_owned(), |n| count(n as usize, "frame", "frames")),
