@@ -21,7 +21,8 @@
 //! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
 //! * [`passes`]: one file a pass. Each runs on a [`passes::view::View`], the images and history of one picture, and finds what
 //!   it binds by GLSL name ([`passes::resources`]).
-//! * [`renderer`]: the frame.
+//! * [`plan`]: which parts of the model a scene needs. What is left out is not dispatched, compiled in or allocated.
+//! * [`renderer`]: the frame, as far as the plan has it.
 //! * [`mod@reference`]: scene truth by path tracing, the panoramas of the built-in rooms made with it, and truths that are kept.
 //! * [`measure`]: pass times, errors by region against both truths, and the [`measure::chart`] of speed against accuracy.
 //! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
@@ -68,10 +69,11 @@
 //! 1. `shaders/glsl/NAME.comp`: its head says inputs, outputs, units and the equation. It becomes `shaders::NAME`.
 //! 2. `src/passes/NAME.rs`: a [`passes::resources::Kernel`] with the bindings by GLSL name, each with its [`gpu::Access`], and push constants
 //!    by `gpu_struct!`; a `record` of a few lines. All is checked against the SPIR-V when the pipeline is made.
-//! 3. New images: per picture in [`passes::view::View::new`], per video frame in [`passes::panorama::Panorama::new`]. Those of a
-//!    picture are AOVs at once; two-layer images are real and virtual surfaces, pairs are history.
-//! 4. A field of [`renderer::Renderer`], a line in its frame, and a [`gpu::Frame::barrier`] that says what it separates.
-//! 5. Its name in [`measure::bench::PASSES`], its settings in [`settings`], its section in `docs/pipeline.md`.
+//! 3. New images: per picture in `declared` of [`passes::view`], with the part of the plan without which they are left out, per video frame in [`passes::panorama::Panorama::new`]. Those of a
+//!    picture are AOVs at once; those in [`passes::view::SURFACE_IMAGES`] hold real and virtual surfaces, pairs are history.
+//! 4. A part of the plan, if a scene can do without it: [`plan::Part`] and its criterion in [`plan::Facts`]; else nothing.
+//! 5. A field of [`renderer::Renderer`], a line in its frame, and a [`gpu::Frame::barrier`] that says what it separates.
+//! 6. Its name in [`measure::bench::PASSES`], its settings in [`settings`], its section in `docs/pipeline.md`.
 
 pub mod cli;
 pub mod error;
@@ -81,6 +83,7 @@ pub mod image_file;
 pub mod measure;
 pub mod panorama;
 pub mod passes;
+pub mod plan;
 pub mod reference;
 pub mod renderer;
 pub mod scene;

@@ -8,20 +8,25 @@ use crate::{
         atrous::Atrous,
         composite::Composite,
         depth_pyramid::DepthPyramid,
-        gbuffer::Gbuffer,
+        gbuffer::{Gbuffer, Look},
         interpolate::Interpolate,
         irradiance::{Irradiance, Relight},
         light_table::LightTable,
         normals::Normals,
-        panorama::Panorama,
+        panorama::{Needs, Panorama},
         radiance_pyramid::RadiancePyramid,
+        resources::Resource,
         sampling_mask::SamplingMask,
         scene::SceneBuffers,
         temporal::{self, Temporal},
-        view::{Projection, View, ViewData, Viewpoint},
+        view::{Projection, REAL, Role, SURFACE_IMAGES, VIRTUAL, View, ViewData, Viewpoint},
     },
-    scene::{Scene, packed::PackedInstances},
-    settings::{ClampWhen, Directions, FilterOrder, Method, Settings},
+    plan::{Part, Plan},
+    scene::{
+        Scene,
+        packed::{PackedInstances, PackedScene},
+    },
+    settings::{ClampWhen, FilterOrder, Method, Settings},
 };
 use glam::{Quat, Vec3};
 
@@ -42,20 +47,16 @@ pub struct RenderOptions {
     pub without_objects: bool,
 }
 
-/// The six passes, with what they keep from frame to frame.
+/// The six passes, as far as the plan has them, with what they keep from frame to frame.
 pub struct Renderer {
     gpu: Gpu,
     options: RenderOptions,
-    radiance_pyramid: RadiancePyramid,
-    normals: Normals,
-    depth_pyramid: DepthPyramid,
-    light_table: LightTable,
-    gbuffer: [Gbuffer; 2],
-    sampling_mask: SamplingMask,
-    irradiance: Irradiance,
-    interpolate: Interpolate,
-    temporal: Temporal,
-    atrous: Atrous,
+    plan: Plan,
+    /// Until the last new video frame.
+    preparation: Option<Preparation>,
+    /// Looking panoramas up from their centre, and tracing them from elsewhere.
+    gbuffer: [Option<Gbuffer>; 2],
+    lighting: Option<Lighting>,
     composite: Composite,
     panorama: Panorama,
     scene: SceneBuffers,
@@ -76,6 +77,25 @@ pub struct Renderer {
     prepared: Timings,
 }
 
+/// The passes of a new video frame.
+struct Preparation {
+    radiance_pyramid: Option<RadiancePyramid>,
+    normals: Option<Normals>,
+    depth_pyramid: Option<DepthPyramid>,
+    light_table: Option<LightTable>,
+}
+
+/// Passes 2 to 5, where there is anything to light.
+struct Lighting {
+    sampling_mask: SamplingMask,
+    /// Of the relit maps.
+    relight: Option<(Gbuffer, SamplingMask)>,
+    irradiance: Irradiance,
+    interpolate: Option<Interpolate>,
+    temporal: Option<Temporal>,
+    atrous: Option<Atrous>,
+}
+
 /// What is the same for all views of a frame.
 struct FrameState {
     video_frame: usize,
@@ -84,49 +104,76 @@ struct FrameState {
     viewpoint: Viewpoint,
 }
 
+impl Preparation {
+    fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
+        Ok(Self {
+            radiance_pyramid: (plan.color_levels() > 1).then(|| RadiancePyramid::new(gpu)).transpose()?,
+            normals: plan.geometry().then(|| Normals::new(gpu)).transpose()?,
+            depth_pyramid: plan.boxes().then(|| DepthPyramid::new(gpu)).transpose()?,
+            light_table: plan.on(Part::LightTable).then(|| LightTable::new(gpu, &plan.settings)).transpose()?,
+        })
+    }
+}
+
+impl Lighting {
+    fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
+        let relight = || {
+            let look = Look { role: Role::Relight, off_centre: false };
+            Ok((Gbuffer::new(gpu, plan, look)?, SamplingMask::new(gpu, plan, Role::Relight)?))
+        };
+        Ok(Self {
+            sampling_mask: SamplingMask::new(gpu, plan, Role::Picture)?,
+            relight: plan.on(Part::Relight).then(relight).transpose()?,
+            irradiance: Irradiance::new(gpu, plan)?,
+            interpolate: plan.on(Part::Interpolate).then(|| Interpolate::new(gpu, plan)).transpose()?,
+            temporal: plan.on(Part::Temporal).then(|| Temporal::new(gpu, plan)).transpose()?,
+            atrous: plan.on(Part::Atrous).then(|| Atrous::new(gpu, plan)).transpose()?,
+        })
+    }
+}
+
 impl Renderer {
-    /// Builds pipelines and allocates for a scene; nothing is rendered yet.
+    /// Plans, builds pipelines and allocates for a scene of which any number of frames may be asked; nothing is rendered yet.
     pub fn new(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> Result<Self> {
+        let plan = Plan::of(scene, &options, None)?;
+        Self::with_plan(gpu, scene, options, plan)
+    }
+
+    /// The same by a plan that was made for this scene and these options.
+    pub fn with_plan(gpu: &Gpu, scene: &Scene, options: RenderOptions, plan: Plan) -> Result<Self> {
         let [width, height] = options.size;
         if width == 0 || height == 0 || width > 16384 || height > 16384 {
             return Err(Error::input("size", format!("{width}×{height} pixels"), "both must be from 1 to 16384"));
         }
-        let settings = &options.settings;
-        let state = scene.at(0.0, 0.0);
-        let viewpoint = viewpoint(&options, scene, &state.camera);
-        let first = scene.panorama.load(0)?;
-        // mip levels only down to the pixel's footprint
-        let footprint = viewpoint.pixel_angle(height) * first.color_size[1] as f32 / std::f32::consts::PI;
-        let deepest = 32 - first.color_size[0].max(first.color_size[1]).leading_zeros();
-        let color_levels = (1 + footprint.log2().ceil().max(0.0) as u32).min(deepest);
+        let settings = &plan.settings;
         let relight_size = [settings.relight_width, settings.relight_width.div_ceil(2)];
-        let levels =
-            if state.instances.instances.is_empty() || options.without_objects { 0 } else { settings.relight_levels };
+        let levels = if plan.on(Part::Relight) { settings.relight_levels } else { 0 };
         let relight = (0..levels)
-            .map(|level| View::new(gpu, &format!("relight {level}"), relight_size))
+            .map(|level| View::new(gpu, &format!("relight {level}"), relight_size, &plan, Role::Relight))
             .collect::<Result<_>>()?;
+        let look = |off_centre| Gbuffer::new(gpu, &plan, Look { role: Role::Picture, off_centre });
+        let none = PackedScene::default();
+        let packed = if plan.on(Part::Objects) { &scene.packed } else { &none };
+        let (color_size, depth_size) = (plan.facts.color_size, plan.facts.depth_size);
         Ok(Self {
             gpu: gpu.clone(),
-            radiance_pyramid: RadiancePyramid::new(gpu)?,
-            normals: Normals::new(gpu)?,
-            depth_pyramid: DepthPyramid::new(gpu)?,
-            light_table: LightTable::new(gpu, settings)?,
-            gbuffer: [Gbuffer::new(gpu, false, color_levels > 1)?, Gbuffer::new(gpu, true, color_levels > 1)?],
-            sampling_mask: SamplingMask::new(gpu)?,
-            irradiance: Irradiance::new(gpu, settings)?,
-            interpolate: Interpolate::new(gpu)?,
-            temporal: Temporal::new(gpu)?,
-            atrous: Atrous::new(gpu)?,
-            composite: Composite::new(gpu, settings)?,
-            panorama: Panorama::new(gpu, first.color_size, first.depth_size, scene.panorama.yaw_degrees, color_levels)?,
-            scene: SceneBuffers::new(gpu, &scene.packed, state.instances.instances.len())?,
-            picture: View::new(gpu, "picture", options.size)?,
+            preparation: Some(Preparation::new(gpu, &plan)?),
+            gbuffer: [
+                plan.looks_up().then(|| look(false)).transpose()?,
+                plan.on(Part::OffCentre).then(|| look(true)).transpose()?,
+            ],
+            lighting: plan.on(Part::Objects).then(|| Lighting::new(gpu, &plan)).transpose()?,
+            composite: Composite::new(gpu, &plan)?,
+            panorama: Panorama::new(gpu, color_size, depth_size, scene.panorama.yaw_degrees, Needs::of(&plan))?,
+            scene: SceneBuffers::new(gpu, packed, plan.facts.instances)?,
+            picture: View::new(gpu, "picture", options.size, &plan, Role::Picture)?,
             relight,
-            nothing: gpu.image("nothing relit", [1, 1], 2, 1, Format::Rgba32f)?,
-            quantisation: first.quantisation,
+            nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32f)?,
+            quantisation: Quantisation::None,
             video_frame: None,
             previous_time: None,
             frame: 0,
+            plan,
             options,
             skip_barrier: None,
             repeat: None,
@@ -150,8 +197,11 @@ impl Renderer {
             self.prepare_panorama(&mut frame)?;
         }
         self.relight_panorama(&mut frame, &state)?;
-        let irradiance = self.trace(&mut frame, &self.picture, self.relight.last(), &state)?;
-        frame.barrier("composite reads filtered irradiance");
+        self.look(&mut frame, &self.picture, &state)?;
+        let lighting = self.lighting.as_ref();
+        let light = |lighting| self.light(&mut frame, lighting, &self.picture, self.relight.last(), &state);
+        let irradiance = lighting.map(light).transpose()?;
+        frame.barrier("composite reads radiance and filtered irradiance");
         self.composite.record(&mut frame, &self.picture, irradiance)?;
 
         self.barriers = frame.barriers();
@@ -165,41 +215,66 @@ impl Renderer {
 
     /// Once per video frame: what is derived from the panorama alone.
     fn prepare_panorama(&self, frame: &mut Frame) -> Result<()> {
-        let view = &self.picture.resources;
-        self.radiance_pyramid.record(frame, &self.panorama)?;
-        self.normals.record(frame, &self.panorama, view, self.quantisation, self.options.settings.normal_radius)?;
-        frame.barrier("depth_pyramid bounds the depth that normals wrote");
-        self.depth_pyramid.record(frame, &self.panorama, view)?;
-        // the passes that read the panorama come after gbuffer's own barrier; the pyramid is done before light_table's
-        if self.options.settings.directions != Directions::Brdf {
-            return self.light_table.record(frame, &self.panorama, view);
+        let (view, panorama) = (&self.picture.resources, &self.panorama);
+        let Some(passes) = &self.preparation else { return Ok(()) };
+        if let Some(radiance_pyramid) = &passes.radiance_pyramid {
+            radiance_pyramid.record(frame, panorama)?;
         }
-        frame.barrier("rays walk the pyramid");
+        if let Some(normals) = &passes.normals {
+            normals.record(frame, panorama, view, self.quantisation, self.plan.settings.normal_radius)?;
+        }
+        if let Some(depth_pyramid) = &passes.depth_pyramid {
+            frame.barrier("depth_pyramid bounds the depth that normals wrote");
+            depth_pyramid.record(frame, panorama, view)?;
+        }
+        if let Some(light_table) = &passes.light_table {
+            light_table.record(frame, panorama, view)?;
+        }
+        // light_table's own barrier comes after what the others wrote, and irradiance after that of sampling_mask
+        if passes.light_table.is_none() && (passes.radiance_pyramid.is_some() || passes.normals.is_some()) {
+            frame.barrier("gbuffer reads the panorama");
+        }
         Ok(())
     }
 
     /// Real surfaces, relit, for rays to see: the pipeline's own passes on a coarse panoramic view.
     fn relight_panorama(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
+        let Some(lighting) = &self.lighting else { return Ok(()) };
         frame.scope("relight");
         for (level, view) in self.relight.iter().enumerate() {
             let below = level.checked_sub(1).map(|below| &self.relight[below]);
-            self.trace(frame, view, below, state)?; // rays see it after the next view's barriers
+            self.look(frame, view, state)?;
+            self.light(frame, lighting, view, below, state)?; // rays see it after the next view's barriers
         }
         frame.scope_end();
         Ok(())
     }
 
-    /// Passes 1 to 5 on one view, its rays seeing real surfaces as `relit` has them. Returns E_R | E and ΔE | specular.
-    fn trace<'a>(
+    /// Pass 1 on one view.
+    fn look(&self, frame: &mut Frame, view: &View, state: &FrameState) -> Result<()> {
+        let gbuffer = match self.role(view) {
+            Role::Relight => self.lighting.as_ref().and_then(|l| l.relight.as_ref()).map(|(gbuffer, _)| gbuffer),
+            Role::Picture => {
+                let [looked_up, traced] = &self.gbuffer;
+                let [first, second] = if state.viewpoint.centred() { [looked_up, traced] } else { [traced, looked_up] };
+                first.as_ref().or(second.as_ref())
+            }
+        };
+        let gbuffer = gbuffer.ok_or_else(|| Error::Internal("no gbuffer for this view".into()))?;
+        gbuffer.record(frame, view, &self.panorama.resources, &self.scene)
+    }
+
+    /// Passes 2 to 5 on one view, its rays seeing real surfaces as `relit` has them. Returns E_R | E and ΔE | specular.
+    fn light<'a>(
         &'a self,
         frame: &mut Frame,
+        lighting: &'a Lighting,
         view: &'a View,
         relit: Option<&'a View>,
         state: &FrameState,
     ) -> Result<[&'a Image; 2]> {
-        let settings = &self.options.settings;
-        let is_picture = std::ptr::eq(view, &self.picture);
-        let off_centre = is_picture && !state.viewpoint.centred();
+        let settings = &self.plan.settings;
+        let role = self.role(view);
         let history = settings.temporal && view.history_reset.is_none();
         let clamp = if state.moving || settings.clamp_when == ClampWhen::Always { settings.clamp } else { 0.0 };
         let relight = match relit {
@@ -209,38 +284,53 @@ impl Renderer {
             }
             None => Relight { real: &self.nothing, change: &self.nothing },
         };
-        let panorama = &self.panorama.resources;
-        let interpolate = settings.sampling_mask && settings.interpolate;
+        let mask = match (role, &lighting.relight) {
+            (Role::Relight, Some((_, mask))) => mask,
+            _ => &lighting.sampling_mask,
+        };
+        let temporal = |frame: &mut Frame, why, input| match &lighting.temporal {
+            Some(temporal) => {
+                frame.barrier(why);
+                temporal.record(frame, view, input, history, clamp)
+            }
+            None => Ok(()),
+        };
+        let atrous = |frame: &mut Frame, why| match &lighting.atrous {
+            Some(atrous) => {
+                frame.barrier(why);
+                atrous.record(frame, view, settings)
+            }
+            None => Ok(()),
+        };
 
-        self.gbuffer[usize::from(off_centre)].record(frame, view, panorama, &self.scene)?;
-        self.sampling_mask.record(frame, view, settings, history)?;
+        mask.record(frame, view, settings, history)?;
         frame.barrier("irradiance reads the compacted pixels");
-        self.irradiance.record(frame, view, panorama, &self.scene, &relight, is_picture)?;
-        if interpolate {
+        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, &relight, role)?;
+        if let Some(interpolate) = &lighting.interpolate {
             frame.barrier("interpolate reads traced neighbours");
-            self.interpolate.record(frame, view, settings)?;
+            interpolate.record(frame, view, settings)?;
         }
         match settings.filter_order {
             FilterOrder::TemporalFirst => {
-                frame.barrier("temporal reads this frame's irradiance");
-                self.temporal.record(frame, view, temporal::Input::Irradiance, history, interpolate, clamp)?;
-                frame.barrier("atrous reads accumulated irradiance");
-                self.atrous.record(frame, view, settings)?;
+                temporal(frame, "temporal reads this frame's irradiance", temporal::Input::Irradiance)?;
+                atrous(frame, "atrous reads accumulated irradiance")?;
             }
             FilterOrder::SpatialFirst => {
-                frame.barrier("atrous reads this frame's irradiance");
-                self.atrous.record(frame, view, settings)?;
-                frame.barrier("temporal reads filtered irradiance");
+                atrous(frame, "atrous reads this frame's irradiance")?;
                 let input = temporal::Input::Filtered(Atrous::result(view, settings)?);
-                self.temporal.record(frame, view, input, history, interpolate, clamp)?;
+                temporal(frame, "temporal reads filtered irradiance", input)?;
             }
         }
         filtered(view, settings)
     }
 
+    fn role(&self, view: &View) -> Role {
+        if std::ptr::eq(view, &self.picture) { Role::Picture } else { Role::Relight }
+    }
+
     /// Where the picture is to converge, the relit panorama does so before the first one is accumulated over it.
     fn warm_up_relight(&mut self, state: &FrameState) -> Result<()> {
-        for n in 0..if self.relight.is_empty() { 0 } else { self.options.settings.relight_warmup } {
+        for n in 0..if self.relight.is_empty() { 0 } else { self.plan.settings.relight_warmup } {
             self.frame = n;
             self.upload_views(state)?;
             let mut frame = self.gpu.frame()?;
@@ -259,7 +349,7 @@ impl Renderer {
 
     /// Loads what the time asks for, and finds out what has moved.
     fn advance(&mut self, scene: &Scene, time: f64) -> Result<FrameState> {
-        let video_frame = scene.panorama.frame_at(time);
+        let video_frame = if self.plan.on(Part::Video) { scene.panorama.frame_at(time) } else { 0 };
         let new_video_frame = self.video_frame != Some(video_frame);
         if new_video_frame {
             let content = scene.panorama.load(video_frame)?;
@@ -271,11 +361,12 @@ impl Renderer {
             self.panorama.upload(&self.gpu, &content)?;
         }
         let mut state = scene.at(time, self.previous_time.unwrap_or(time));
-        if self.options.without_objects {
+        if self.options.without_objects || !self.plan.on(Part::Objects) {
             state.instances = PackedInstances::default();
         }
         let objects_move = state.instances.instances.iter().any(|i| i.object_to_world != i.previous_object_to_world);
-        let moving = objects_move || (new_video_frame && self.video_frame.is_some());
+        let changes = objects_move || (new_video_frame && self.video_frame.is_some());
+        let moving = changes && self.plan.on(Part::Motion);
         let viewpoint = viewpoint(&self.options, scene, &state.camera);
         self.scene.update(&self.gpu, state.instances, scene.panorama.position)?;
         for view in std::iter::once(&mut self.picture).chain(&mut self.relight) {
@@ -294,6 +385,9 @@ impl Renderer {
         }
         // only now: a frame that failed leaves the panorama unprepared
         self.video_frame = Some(state.video_frame);
+        if !self.plan.on(Part::Video) && self.preparation.take().is_some() {
+            self.panorama.settle();
+        }
         self.previous_time = Some(time);
         self.frame += 1;
     }
@@ -314,7 +408,7 @@ impl Renderer {
         stream: u32,
         state: &FrameState,
     ) -> Result<()> {
-        let settings = &self.options.settings;
+        let settings = &self.plan.settings;
         let mut data = ViewData {
             size: view.size,
             frame: self.frame,
@@ -322,7 +416,6 @@ impl Renderer {
             edge_ratio: settings.edge_ratio,
             thickness: settings.thickness,
             instance_count: self.scene.instance_count,
-            primary_objects: u32::from(stream == 0),
             bounces: settings.bounces,
             coverage_samples: settings.coverage_samples,
             rays_per_16: ((settings.rays_per_pixel * 16.0).round() as u32).clamp(1, 16),
@@ -346,6 +439,11 @@ impl Renderer {
         &self.options
     }
 
+    /// What of the model it holds.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
     /// Frames rendered so far.
     pub fn frames(&self) -> u32 {
         self.frame
@@ -359,11 +457,6 @@ impl Renderer {
     /// Barriers in the last frame.
     pub fn barriers(&self) -> usize {
         self.barriers
-    }
-
-    /// Whether virtual objects are shown.
-    pub fn has_objects(&self) -> bool {
-        self.scene.instance_count > 0
     }
 
     /// Drops the history of the picture and of the relit panorama.
@@ -384,12 +477,12 @@ impl Renderer {
     }
 
     /// Standard error of the accumulated irradiance, relative to its mean: the root of the mean variance of each pixel's mean over
-    /// the mean luminance, real surfaces' change and virtual surfaces' lobes together.
+    /// the mean luminance, real surfaces' change and virtual surfaces' lobes together. 0 where nothing is accumulated.
     pub fn standard_error(&self) -> Result<f64> {
         let (mut variance, mut mean) = (0.0, 0.0);
-        for layer in 0..2 {
-            for name in ["a", "b"] {
-                for [r, g, b, v] in self.gpu.read_image(self.picture.image(name)?, layer)? {
+        for image in ["a", "b"].iter().filter_map(|name| self.picture.resources.image(name)) {
+            for layer in 0..image.layers() {
+                for [r, g, b, v] in self.gpu.read_image(image, layer)? {
                     variance += f64::from(v.max(0.0));
                     mean += f64::from(0.2126 * r + 0.7152 * g + 0.0722 * b).abs();
                 }
@@ -401,92 +494,134 @@ impl Renderer {
 
     /// Names of all that [`Renderer::aov`] gives.
     pub fn aov_names(&self) -> Vec<String> {
-        let mut names = DERIVED.map(str::to_owned).to_vec();
-        for (name, _) in &self.picture.resources.0 {
-            let Some(image) = self.picture.resources.image(name) else { continue };
-            match image.layers() {
-                1 => names.push((*name).to_owned()),
-                _ => names.extend(LAYERS.map(|layer| format!("{name}_{layer}"))),
-            }
-        }
-        names
+        let derived = DERIVED.iter().map(|(name, _)| (*name).to_owned());
+        let images = self.picture.resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_)));
+        let of_surfaces = |name: &str| LAYERS.map(|layer| format!("{name}_{layer}")).to_vec();
+        let names = images.flat_map(|(name, _)| match SURFACE_IMAGES.contains(name) {
+            true => of_surfaces(name),
+            false => vec![(*name).to_owned()],
+        });
+        derived.chain(names).filter(|name| self.source(name).is_ok()).collect()
+    }
+
+    /// Whether [`Renderer::aov`] gives an image of this name.
+    ///
+    /// # Errors
+    /// A name that nothing has, or that of an image which the plan leaves out, and why.
+    pub fn require_aov(&self, name: &str) -> Result<()> {
+        self.source(name).map(|_| ())
     }
 
     /// An image of the last frame by name, as RGBA: `position_real`, `normal_virtual`, `camera_radiance`, …, and the derived
     /// `irradiance_real` (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`, `object_id`,
     /// and `motion` and `position` of the surface that covers more of the pixel.
     pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
-        let [a, b] = filtered(&self.picture, &self.options.settings)?;
-        let opaque = |mut texels: Vec<[f32; 4]>| {
-            texels.iter_mut().for_each(|t| t[3] = 1.0);
-            texels
-        };
+        let (image, layer) = self.source(name)?;
+        let mut texels = self.gpu.read_image(image, layer)?;
         match name {
-            "irradiance_real" => return Ok(opaque(self.gpu.read_image(a, 0)?)),
+            "object_id" => texels.iter_mut().for_each(|t| *t = [t[3], t[3], t[3], 1.0]),
             "irradiance_mixed" => {
-                let (real, change) = (self.gpu.read_image(a, 0)?, self.gpu.read_image(b, 0)?);
-                return Ok(real
-                    .iter()
-                    .zip(&change)
-                    .map(|(r, c)| [r[0] + c[0], r[1] + c[1], r[2] + c[2], 1.0])
-                    .collect());
+                let [_, change] = filtered(&self.picture, &self.plan.settings)?;
+                for (t, c) in texels.iter_mut().zip(self.gpu.read_image(change, REAL)?) {
+                    *t = [t[0] + c[0], t[1] + c[1], t[2] + c[2], 1.0];
+                }
             }
-            "irradiance_virtual" => return Ok(opaque(self.gpu.read_image(a, 1)?)),
-            "radiance_specular" => return Ok(opaque(self.gpu.read_image(b, 1)?)),
-            "object_id" => {
-                let motion = self.picture.image("motion")?;
-                return Ok(self.gpu.read_image(motion, 1)?.iter().map(|t| [t[3], t[3], t[3], 1.0]).collect());
-            }
-            "motion" | "position" => {
-                let image = self.picture.image(name)?;
-                let (mut seen, objects) = (self.gpu.read_image(image, 0)?, self.gpu.read_image(image, 1)?);
+            "motion" | "position" if image.layers() > 1 => {
+                let objects = self.gpu.read_image(image, VIRTUAL)?;
                 let coverage: Vec<[f32; 4]> = self.gpu.read_image(self.picture.image("real_coverage")?, 0)?;
-                for ((seen, object), [real, ..]) in seen.iter_mut().zip(objects).zip(coverage) {
+                for ((seen, object), [real, ..]) in texels.iter_mut().zip(objects).zip(coverage) {
                     if real < 0.5 {
                         *seen = object;
                     }
                 }
-                return Ok(seen);
             }
+            "motion" | "position" => {}
+            _ if DERIVED.iter().any(|(derived, _)| *derived == name) => texels.iter_mut().for_each(|t| t[3] = 1.0),
             _ => {}
         }
-        if let Some(image) = self.picture.resources.image(name).filter(|image| image.layers() == 1) {
-            return self.gpu.read_image(image, 0);
+        Ok(texels)
+    }
+
+    /// The image behind a name, and its layer.
+    fn source(&self, name: &str) -> Result<(&Image, u32)> {
+        let resources = &self.picture.resources;
+        let left_out = |part: Part| {
+            let problem = format!("\"{name}\" is left out: {}", self.plan.reason(part));
+            let set = part.forced(true, self.options.method);
+            let set: Vec<_> = set.iter().map(|(setting, value)| format!("--set {setting}={value}")).collect();
+            Error::input("--aov", problem, format!("leave it out, or add {}", set.join(" ")))
+        };
+        let layer = |image: &'static str, layer: u32| match resources.image(image) {
+            Some(found) if layer < found.layers() => Ok((found, layer)),
+            None => Err(left_out(resources.absent(image).unwrap_or(Part::Objects))),
+            Some(_) if self.plan.on(Part::VirtualSurfaces) => Err(left_out(Part::Specular)),
+            Some(_) => Err(left_out(Part::VirtualSurfaces)),
+        };
+        if let Some((_, from)) = DERIVED.iter().find(|(derived, _)| *derived == name) {
+            let (at, b) = match from {
+                Derived::A(at) => (*at, false),
+                Derived::B(at) => (*at, true),
+                Derived::Id => return layer("motion", VIRTUAL),
+                Derived::Seen(image) => return layer(image, REAL),
+            };
+            if !self.plan.on(Part::Objects) {
+                return Err(left_out(Part::Objects));
+            }
+            return layer(filtered_names(&self.plan.settings)[usize::from(b)], at);
         }
-        for (layer, suffix) in LAYERS.iter().enumerate() {
-            let stem = name.strip_suffix(suffix).and_then(|stem| stem.strip_suffix('_'));
-            if let Some(image) = stem.and_then(|stem| self.picture.resources.image(stem)) {
-                return self.gpu.read_image(image, layer as u32);
+        for (known, _) in resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_))) {
+            if !SURFACE_IMAGES.contains(known) {
+                if *known == name {
+                    return layer(known, 0);
+                }
+            } else if let Some(suffix) = name.strip_prefix(known).and_then(|rest| rest.strip_prefix('_'))
+                && let Some(at) = LAYERS.iter().position(|layer| *layer == suffix)
+            {
+                return layer(known, at as u32);
             }
         }
         Err(Error::input(
             "--aov",
             format!("there is no image \"{name}\""),
-            format!("choose from {}", self.aov_names().join(", ")),
+            format!("choose from all, {}", self.aov_names().join(", ")),
         ))
     }
 }
 
+/// Where a derived image comes from: a layer of a or b after all filters, the ids, or whichever layer covers more of a pixel.
+enum Derived {
+    A(u32),
+    B(u32),
+    Id,
+    Seen(&'static str),
+}
+
 /// Images that are put together on reading.
-const DERIVED: [&str; 7] = [
-    "irradiance_real",
-    "irradiance_mixed",
-    "irradiance_virtual",
-    "radiance_specular",
-    "object_id",
-    "motion",
-    "position",
+const DERIVED: [(&str, Derived); 7] = [
+    ("irradiance_real", Derived::A(REAL)),
+    ("irradiance_mixed", Derived::A(REAL)),
+    ("irradiance_virtual", Derived::A(VIRTUAL)),
+    ("radiance_specular", Derived::B(VIRTUAL)),
+    ("object_id", Derived::Id),
+    ("motion", Derived::Seen("motion")),
+    ("position", Derived::Seen("position")),
 ];
 
 /// The two layers of per-surface images.
 const LAYERS: [&str; 2] = ["real", "virtual"];
 
+/// The names of what [`filtered`] gives.
+fn filtered_names(settings: &Settings) -> [&'static str; 2] {
+    match settings.filter_order {
+        FilterOrder::SpatialFirst if settings.temporal => ["a", "b"],
+        _ => Atrous::result_names(settings),
+    }
+}
+
 /// E_R | E and ΔE | specular radiance after both filters.
 fn filtered<'a>(view: &'a View, settings: &Settings) -> Result<[&'a Image; 2]> {
-    match settings.filter_order {
-        FilterOrder::TemporalFirst => Atrous::result(view, settings),
-        FilterOrder::SpatialFirst => Ok([view.image("a")?, view.image("b")?]),
-    }
+    let [a, b] = filtered_names(settings);
+    Ok([view.image(a)?, view.image(b)?])
 }
 
 fn end_view(view: &mut View, viewpoint: Viewpoint) {

@@ -62,6 +62,12 @@ choices! {
         Moving = "moving": "while an object moves or the video changes",
         Always = "always": "in every frame",
     }
+    /// Whether a part of the model is there.
+    Presence {
+        Auto = "auto": "where the scene needs it",
+        On = "on": "always",
+        Off = "off": "never",
+    }
     /// How a real surface answers a change of its light.
     Relighting {
         EmissionKept = "emission_kept": "L_cam + ΔE·min(L_cam/E_R, 1/π): what exceeds a diffuse surface's reflection is a lamp, and stays",
@@ -153,7 +159,11 @@ macro_rules! settings {
     ($( $pass:ident { $( $name:ident : $kind:ty = [$iprt:expr, $paper:expr, $ibl:expr, $reference:expr], $range:expr, $unit:literal, $meaning:literal; )* } )*) => {
         /// The values of all settings.
         #[derive(Clone, Debug, PartialEq)]
-        pub struct Settings { $( $( #[doc = $meaning] pub $name: $kind, )* )* }
+        pub struct Settings {
+            $( $( #[doc = $meaning] pub $name: $kind, )* )*
+            /// The names of those that [`Settings::set`] was given: the plan leaves them as they are.
+            pub given: Vec<&'static str>,
+        }
 
         impl Settings {
             /// The table that documents and parses them, in the order of the passes.
@@ -164,10 +174,10 @@ macro_rules! settings {
             /// The preset of a method.
             pub fn of(method: Method) -> Self {
                 match method {
-                    Method::Iprt => Self { $( $( $name: $iprt, )* )* },
-                    Method::Paper => Self { $( $( $name: $paper, )* )* },
-                    Method::Ibl => Self { $( $( $name: $ibl, )* )* },
-                    Method::Reference => Self { $( $( $name: $reference, )* )* },
+                    Method::Iprt => Self { $( $( $name: $iprt, )* )* given: Vec::new() },
+                    Method::Paper => Self { $( $( $name: $paper, )* )* given: Vec::new() },
+                    Method::Ibl => Self { $( $( $name: $ibl, )* )* given: Vec::new() },
+                    Method::Reference => Self { $( $( $name: $reference, )* )* given: Vec::new() },
                 }
             }
 
@@ -197,6 +207,17 @@ const ANY: [f64; 2] = [0.0, 0.0];
 
 // The columns of values: iprt, paper, ibl, reference.
 settings! {
+    plan {
+        objects: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual objects, and all light that they change";
+        virtual_surfaces: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces in the picture itself, not only their shadows and reflections";
+        off_centre: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "a camera away from the capture point: its rays are traced through the panorama";
+        video: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "a panorama that changes; off: its first frame alone";
+        motion: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "objects or a video that move: their motion vectors, a shorter history, clamping";
+        radiance_pyramid: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "mip levels of a panorama that is finer than the picture";
+        specular: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "the GGX lobe of virtual surfaces";
+        emission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces that shine";
+        textures: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "textures of virtual surfaces";
+    }
     normals {
         normal_radius: u32 = [0, 0, 0, 0], [0.0, 64.0], "texels", "radius of the plane fits that give normals; 0: from the capture (1 for float depth, wider for integer codes)";
     }
@@ -252,6 +273,11 @@ settings! {
 }
 
 impl Settings {
+    /// The value of one as text, by name.
+    pub fn value(&self, name: &str) -> Option<String> {
+        self.values().into_iter().find(|(known, _)| *known == name).map(|(_, value)| value)
+    }
+
     /// Sets one from text, as `--set name=value` gives it; `subject` is what an error is about.
     pub fn set(&mut self, name: &str, value: &str, subject: &str) -> Result<()> {
         let Some(row) = Self::TABLE.iter().find(|row| row.name == name) else {
@@ -265,6 +291,9 @@ impl Settings {
             ));
         };
         if self.assign(row, value) {
+            if !self.given.contains(&row.name) {
+                self.given.push(row.name);
+            }
             return Ok(());
         }
         let remedy = format!("give {}", row.allowed());
@@ -349,7 +378,7 @@ mod tests {
             for (name, value) in Settings::of(method).values() {
                 settings.set(name, &value, "test").expect("its own default");
             }
-            assert_eq!(settings, Settings::of(method));
+            assert_eq!(settings.values(), Settings::of(method).values());
         }
     }
 
@@ -377,6 +406,10 @@ mod tests {
             settings.set(name, value, "test").expect_err("refused");
         }
         settings.set("thickness", "inf", "test").expect("endless");
-        assert_eq!(settings, Settings { thickness: INFINITE, ..Settings::of(Method::Iprt) });
+        assert_eq!(
+            settings,
+            Settings { thickness: INFINITE, given: vec!["thickness"], ..Settings::of(Method::Iprt) },
+            "what was refused was not given"
+        );
     }
 }

@@ -100,6 +100,10 @@ fn what_the_user_got_wrong_is_told_in_one_line() {
         ("bench scene.toml --json missing/b.json", &["missing/b.json"]),
         ("bench scene.toml --frames x", &["--frames"]),
         ("check nowhere.toml", &["nowhere.toml"]),
+        ("plan nowhere.toml", &["nowhere.toml"]),
+        ("plan scene.toml --json missing/p.json", &["missing/p.json"]),
+        ("plan scene.toml --set specular=maybe", &["specular", "maybe", "auto, on, off"]),
+        ("render scene.toml -o a.exr --aov emission", &["emission is off: nothing shines", "--set emission=on"]),
         ("masks nowhere.toml -o m", &["nowhere.toml"]),
         ("masks scene.toml -o m --without-objects", &["--without-objects"]),
         ("masks scene.toml -o m --frame 0..2", &["--frame", "0..2"]),
@@ -252,6 +256,48 @@ fn bench_writes_its_schema() {
             report["passes"].as_array().expect("an array").iter().find(|entry| entry["name"] == pass).expect("listed");
         assert!(entry["off"].as_str().is_some_and(|text| text.contains(reason)), "{entry}");
     }
+}
+
+#[test]
+fn a_plan_says_what_is_left_out_and_why() {
+    let folder = Folder::new();
+    let table = folder.succeeds("plan scene.toml --json plan.json -q");
+    let report = json(&folder.path("plan.json"));
+    let parts = report["parts"].as_array().expect("an array");
+    assert_eq!(parts.len(), iprt::plan::Part::ALL.len());
+    for part in parts {
+        let [name, why] = ["name", "why"].map(|key| part[key].as_str().expect("text"));
+        let line = table.lines().find(|line| line.starts_with(&format!("{name} "))).expect("a line of the table");
+        assert!(!why.is_empty() && line.ends_with(why), "{line}");
+        assert!(line.contains(if part["on"].as_bool().expect("a flag") { " on " } else { " off " }), "{line}");
+        assert_eq!(part["by"], "scene", "{part}");
+    }
+    let cost = |report: &serde_json::Value| ["bytes", "dispatches"].map(|key| report[key].as_u64().expect("a number"));
+    let [bytes, dispatches] = cost(&report);
+    let sum: u64 = report["passes"].as_array().expect("an array").iter().filter_map(|p| p["dispatches"].as_u64()).sum();
+    assert_eq!(sum, dispatches);
+
+    folder.succeeds("plan scene.toml --json plan.json -q --without-objects");
+    let [least, fewest] = cost(&json(&folder.path("plan.json")));
+    assert!(10 * least < bytes && fewest == 2, "{least} bytes of {bytes}, {fewest} dispatches");
+    let table = folder.succeeds("plan scene.toml --set atrous_levels=0 --set emission=on --json plan.json -q");
+    assert!(table.contains("atrous_levels = 0 was set") && table.contains("emission = on was set"), "{table}");
+
+    // the others say it in a line
+    let output = folder.run("render scene.toml -o a.png --warmup 0 --size 8x6");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        stderr.starts_with("plan: ") && stderr.contains("without off_centre, video") && stderr.lines().count() == 1,
+        "{stderr}"
+    );
+    assert!(folder.run("render scene.toml -o a.png --warmup 0 --size 8x6 -q").stderr.is_empty());
+    let table =
+        folder.succeeds("bench scene.toml --size 8x6 --frames 0..0 --warmup 0 -q --without-objects --json b.json");
+    assert!(table.contains("plan: 0 of"), "{table}");
+    let passes = json(&folder.path("b.json"))["passes"].clone();
+    let irradiance =
+        passes.as_array().expect("an array").iter().find(|pass| pass["name"] == "irradiance").expect("listed");
+    assert!(irradiance["off"].as_str().is_some_and(|why| why.contains("objects is off")), "{irradiance}");
 }
 
 #[test]

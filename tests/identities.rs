@@ -101,7 +101,8 @@ fn what_no_object_can_influence_keeps_its_bits() {
             let closed = room([128, 64], ROOM[1] - ROOM[0], Vec3::ZERO, colourful);
             let track = camera(Vec3::ZERO, vec3(0.3, -1.5, 0.4), 40.0);
             let under = ball(0.3, lambert(0.5), vec3(0.3, -2.2, 0.4));
-            let [with, plain, ..] = pictures(closed, &track, under, SIZE, &[("relight_width", "32")]);
+            let set = [("relight_width", "32"), ("virtual_surfaces", "on")];
+            let [with, plain, ..] = pictures(closed, &track, under, SIZE, &set);
             assert!(
                 with.iter().zip(&plain).all(|(a, b)| a[..3] == b[..3]),
                 "{method:?}: the floor with a ball under it"
@@ -113,7 +114,7 @@ fn what_no_object_can_influence_keeps_its_bits() {
             let track = camera(Vec3::ZERO, vec3(0.0, -1.12, TABLE[1].z), 42.0);
             let upon = ball(0.2, lambert(0.5), vec3(0.0, -0.5, -1.2));
             let [with, plain, position, coverage] =
-                pictures(room_with_table(), &track, upon, size, &[("relight_levels", "0")]);
+                pictures(room_with_table(), &track, upon, size, &[("relight_levels", "0"), ("virtual_surfaces", "on")]);
             let row = |i: usize| i as u32 / size[0];
             let on = |i: usize, axis: usize, at: f32| coverage[i][0] == 1.0 && (position[i][axis] - at).abs() < 5e-3;
             let edge =

@@ -10,10 +10,11 @@ use iprt::{
     gpu_struct,
     passes::{
         light_table::{CELLS, LightTable},
-        panorama::Panorama,
+        panorama::{Needs, Panorama},
         resources::{Resource, Resources},
-        view::{View, ViewData},
+        view::ViewData,
     },
+    plan::Part,
     settings::{Method, Settings},
 };
 use std::f64::consts::{PI, TAU};
@@ -280,7 +281,8 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
     let size = CELLS; // of colour: a texel a cell
     let to_panorama = glam::Quat::from_rotation_y(-yaw_degrees.to_radians());
     let frame = room(size, HIGH - LOW, 0.5 * (LOW + HIGH), |d| glow(to_panorama.inverse() * d));
-    let panorama = Panorama::new(gpu, size, size, yaw_degrees, 1).expect("fits");
+    let needs = Needs { color_levels: 1, geometry: Err(Part::Objects), boxes: Err(Part::Objects), lights: Ok(()) };
+    let panorama = Panorama::new(gpu, size, size, yaw_degrees, needs).expect("fits");
     panorama.upload(gpu, &frame).expect("uploads");
     let data = ViewData {
         seed: 5,
@@ -290,16 +292,17 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
         yaw: yaw_degrees.to_radians(),
         ..Default::default()
     };
-    let view = View::new(gpu, "view", [8, 8]).expect("fits");
-    gpu.write_buffer(&view.data, 0, &[data]).expect("fits");
+    let data = gpu.buffer_with("view", &[data]).expect("fits");
+    let mut view = Resources::default();
+    view.add("view", Resource::Buffer(data.clone()));
     let mut recorded = gpu.frame().expect("a frame");
-    LightTable::new(gpu, settings).expect("builds").record(&mut recorded, &panorama, &view.resources).expect("records");
+    LightTable::new(gpu, settings).expect("builds").record(&mut recorded, &panorama, &view).expect("records");
     recorded.submit().expect("runs");
     let find = |resources: &Resources, name: &str| match resources.0.iter().find(|(n, _)| *n == name) {
         Some((_, Resource::Buffer(buffer))) => Bind::from(buffer),
         _ => panic!("no buffer {name}"),
     };
-    let binds = [("in_view", Bind::from(&view.data)), ("in_lights", find(&panorama.resources, "lights"))];
+    let binds = [("in_view", Bind::from(&data)), ("in_lights", find(&panorama.resources, "lights"))];
     let count = if grid == 0 { SAMPLES } else { grid * grid };
     drawn(gpu, &LIGHTS, &binds, &LightPush { x, low: LOW, high: HIGH, grid, per_thread: PER_THREAD }, count)
 }

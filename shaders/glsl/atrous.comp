@@ -7,6 +7,7 @@
 // In: tiles, a, b (w: variance), or irradiance_a, _b where the paper's order puts this before temporal; position, normal, motion.w (id),
 // moments. Out: a, b.
 #include "common.glsl"
+#include "parts.glsl"
 #include "list.glsl"
 #include "edge_stop.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -39,14 +40,15 @@ void main() {
     if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
     if (imageLoad(in_mask, ivec3(p, layer)).x == 0.0) return;
 
-    vec4 a = imageLoad(in_a, ivec3(p, layer)), b = imageLoad(in_b, ivec3(p, layer));
+    vec4 a = imageLoad(in_a, ivec3(p, layer)), b = has_b(layer) ? imageLoad(in_b, ivec3(p, layer)) : vec4(0.0);
+    if (push.raw != 0u) b.w = 0.0;
     vec4 position = imageLoad(in_position, ivec3(p, layer)), normal = imageLoad(in_normal, ivec3(p, layer));
     float id = imageLoad(in_motion, ivec3(p, layer)).w;
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
     // A short history has no variance of its own: the first level then ignores luminance and measures the variance.
-    bool young = push.raw != 0u || imageLoad(in_moments, ivec3(p, layer)).z < 12.0;
+    bool young = push.step_size == 1 && (push.raw != 0u || imageLoad(in_moments, ivec3(p, layer)).z < 12.0);
     bool known = a.w >= 0.0;
-    bool measure = (young && push.step_size == 1) || !known;
+    bool measure = young || !known;
 
     // the centre's variance, smoothed over 3×3, as SVGF does
     vec2 variance = vec2(0.0);
@@ -56,7 +58,7 @@ void main() {
             ivec2 q = p + ivec2(x, y);
             if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x == 0.0) continue;
             float w = (x == 0 ? 0.5 : 0.25) * (y == 0 ? 0.5 : 0.25);
-            vec2 v = vec2(imageLoad(in_a, ivec3(q, layer)).w, imageLoad(in_b, ivec3(q, layer)).w);
+            vec2 v = vec2(imageLoad(in_a, ivec3(q, layer)).w, has_b(layer) ? imageLoad(in_b, ivec3(q, layer)).w : 0.0);
             if (v.x < 0.0) continue;
             variance += w * v;
             variance_total += w;
@@ -79,7 +81,7 @@ void main() {
             if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x == 0.0) continue;
             vec4 qa = imageLoad(in_a, ivec3(q, layer));
             if (qa.w < 0.0) continue;
-            vec4 qb = imageLoad(in_b, ivec3(q, layer));
+            vec4 qb = has_b(layer) ? imageLoad(in_b, ivec3(q, layer)) : vec4(0.0);
             if (push.raw != 0u) qb.w = 0.0;
             vec4 qn = imageLoad(in_normal, ivec3(q, layer));
             float reach = length(vec2(x, y)) * float(push.step_size);
@@ -104,12 +106,12 @@ void main() {
     }
     if (total.x <= 1e-12 || total.y <= 1e-12) {
         imageStore(out_a, ivec3(p, layer), known ? a : vec4(vec3(0.0), -1.0));
-        imageStore(out_b, ivec3(p, layer), b);
+        if (has_b(layer)) imageStore(out_b, ivec3(p, layer), b);
         return;
     }
     if (layer == REAL && push.step_size == 1 && geometry_total < 1.2 * KERNEL[0] * KERNEL[0]) {
         imageStore(out_a, ivec3(p, layer), vec4(loose_a / loose_total, a.w));
-        imageStore(out_b, ivec3(p, layer), vec4(loose_b / loose_total, b.w));
+        if (has_b(layer)) imageStore(out_b, ivec3(p, layer), vec4(loose_b / loose_total, b.w));
         return;
     }
     vec2 out_variance = variance_sum / (total * total);
@@ -118,5 +120,5 @@ void main() {
         out_variance = max(out_variance, max(second / total - mean * mean, vec2(0.0)) * 0.15); // 0.15: Σw² of the kernel
     }
     imageStore(out_a, ivec3(p, layer), vec4(sum_a / total.x, out_variance.x));
-    imageStore(out_b, ivec3(p, layer), vec4(sum_b / total.y, out_variance.y));
+    if (has_b(layer)) imageStore(out_b, ivec3(p, layer), vec4(sum_b / total.y, out_variance.y));
 }

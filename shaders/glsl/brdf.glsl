@@ -24,6 +24,7 @@ struct Lobes {
 
 Lobes brdf_lobes(Surface s, vec3 to_eye) {
     Lobes l;
+    if (SPECULAR == 0u) return Lobes(s.base_color * (1.0 - s.metallic), vec3(1.0), 0.0);
     vec2 e = brdf_energy(dot(s.normal, to_eye), s.roughness);
     l.scale = 1.0 + s.f0 * (1.0 / max(e.x + e.y, 1e-3) - 1.0);
     vec3 albedo = min((s.f0 * e.x + s.f90 * e.y) * l.scale, vec3(1.0));
@@ -31,6 +32,12 @@ Lobes brdf_lobes(Surface s, vec3 to_eye) {
     float ws = luminance(albedo), wd = luminance(l.diffuse);
     l.specular_probability = ws <= 0.0 ? 0.0 : wd <= 0.0 ? 1.0 : clamp(ws / (ws + wd), 0.1, 0.9);
     return l;
+}
+
+// Draws one of the two lobes.
+bool brdf_choose_specular(Lobes l, inout Random random) {
+    float u = random_next(random);
+    return SPECULAR != 0u && u < l.specular_probability;
 }
 
 float smith_lambda(float cosine, float alpha) {

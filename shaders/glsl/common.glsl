@@ -40,7 +40,6 @@ struct View {
     uint pyramid_area;
     uint pyramid_nodes;
     uint instance_count;
-    uint primary_objects;
     uint bounces;
     uint coverage_samples;
     uint rays_per_16;

@@ -4,6 +4,7 @@
 // L = M·(L_cam + ΔE·k) + (1 − M)·(L_e + k_V·E/π + L_GGX), k = min(L_cam/E_R, 1/π), or L_cam/E_R as the paper has it.
 // In: camera_radiance (L_cam), real_coverage (M), albedo_virtual (k_V), emission (L_e), mask, a (E_R | E), b (ΔE | L_GGX). Out: radiance, alpha 1.
 #include "common.glsl"
+#include "parts.glsl"
 #include "relit.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -19,14 +20,15 @@ layout(set = 0, binding = 59, rgba32f) uniform writeonly image2D out_radiance;
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
-    float coverage = imageLoad(in_real_coverage, p).x;
     vec3 real = imageLoad(in_camera_radiance, p).rgb;
-    if (imageLoad(in_mask, ivec3(p, REAL)).x != 0.0)
+    if (LIT != 0u && imageLoad(in_mask, ivec3(p, REAL)).x != 0.0)
         real = relight(real, imageLoad(in_a, ivec3(p, REAL)).rgb, imageLoad(in_b, ivec3(p, REAL)).rgb);
     vec3 radiance = real;
+    float coverage = VIRTUAL_SURFACES != 0u ? imageLoad(in_real_coverage, p).x : 1.0;
     if (coverage < 1.0) {
-        vec3 virtual_radiance = imageLoad(in_emission, p).rgb
-            + imageLoad(in_albedo_virtual, p).rgb * imageLoad(in_a, ivec3(p, VIRTUAL)).rgb * (1.0 / PI) + imageLoad(in_b, ivec3(p, VIRTUAL)).rgb;
+        vec3 virtual_radiance = EMISSION != 0u ? imageLoad(in_emission, p).rgb : vec3(0.0);
+        virtual_radiance += imageLoad(in_albedo_virtual, p).rgb * imageLoad(in_a, ivec3(p, VIRTUAL)).rgb * (1.0 / PI);
+        if (SPECULAR != 0u) virtual_radiance += imageLoad(in_b, ivec3(p, VIRTUAL)).rgb;
         radiance = coverage * real + (1.0 - coverage) * virtual_radiance;
     }
     imageStore(out_radiance, p, vec4(radiance, 1.0));

@@ -6,6 +6,7 @@
 // In: camera_radiance.w (M at the centre); panorama, scene. Out: coverage (0…1); position, normal, motion, k_V, emission, hit.
 #define TRACE_PANORAMA
 #include "common.glsl"
+#include "parts.glsl"
 #include "panorama.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"

@@ -3,9 +3,11 @@
 // Pass 1, gbuffer: primary visibility of panorama and objects at each pixel's centre (IPRT §2, "preprocessing").
 // In: panorama radiance, depth and normals; the scene. Out: position (m), normal, motion (pixels), L_cam (radiance), k_V,
 // emission, hit, for the real and the virtual surface. M at the centre goes to camera_radiance.w; coverage refines it.
+// Where nothing is inserted, L_cam alone; for a map of irradiance, real surfaces alone.
 #define TRACE_PANORAMA
 #define PANORAMA_LEVELS
 #include "common.glsl"
+#include "parts.glsl"
 #include "panorama.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"
@@ -20,6 +22,19 @@ void main() {
     vec2 pixel = vec2(p) + 0.5;
     vec3 d = view_direction(pixel);
     RealPoint real = real_surface(d);
+    if (SHOWN != 0u) {
+        vec3 radiance = panorama_filtered(real.uv, pixel_angle());
+        if (LIT == 0u) { imageStore(out_camera_radiance, p, vec4(radiance, 1.0)); return; }
+        float coverage = 1.0;
+        if (VIRTUAL_SURFACES != 0u) {
+            SceneHit hit = scene_trace(in_view.view.position, d, real.t);
+            if (hit.instance != NONE) {
+                coverage = 0.0;
+                write_virtual(p, hit, d);
+            } else write_no_virtual(p);
+        }
+        imageStore(out_camera_radiance, p, vec4(radiance, coverage));
+    }
     bool has_real = real.t < FAR;
     vec3 point = in_view.view.position + d * (has_real ? real.t : 0.0);
     vec3 normal = imageLoad(in_panorama_normal, real.texel).xyz;
@@ -27,13 +42,4 @@ void main() {
     imageStore(out_position, ivec3(p, REAL), vec4(point, has_real ? real.t : 0.0));
     imageStore(out_normal, ivec3(p, REAL), vec4(has_real ? normal : vec3(0.0), 1.0));
     imageStore(out_motion, ivec3(p, REAL), has_real ? motion_of(pixel, point, 0.0) : vec4(0.0));
-
-    float coverage = 1.0;
-    SceneHit hit;
-    if (in_view.view.primary_objects != 0u) hit = scene_trace(in_view.view.position, d, real.t);
-    if (in_view.view.primary_objects != 0u && hit.instance != NONE) {
-        coverage = 0.0;
-        write_virtual(p, hit, d);
-    } else write_no_virtual(p);
-    imageStore(out_camera_radiance, p, vec4(panorama_filtered(real.uv, pixel_angle()), coverage));
 }

@@ -20,7 +20,10 @@ struct RealPoint { float t; vec2 uv; ivec2 texel; };
 // The real surface along a primary ray: t is FAR where there is none.
 RealPoint real_surface(vec3 d) {
     RealPoint r;
-    if (OFF_CENTRE == 0u) {
+    if (OFF_CENTRE == 0u && LIT == 0u) {
+        r.uv = panorama_uv(d);
+        r.t = FAR;
+    } else if (OFF_CENTRE == 0u) {
         r.uv = panorama_uv(d);
         r.t = surface_distance(d, r.texel);
         if (r.t <= 0.0) r.t = FAR;
@@ -44,16 +47,19 @@ vec4 motion_of(vec2 pixel, vec3 previous_point, float id) {
 void write_virtual(ivec2 p, SceneHit hit, vec3 d) {
     Surface s = scene_surface(hit, d, hit.t * pixel_angle());
     Lobes lobes = brdf_lobes(s, -d);
-    Instance instance = in_instances.instance[hit.instance];
-    TriangleGeometry tri = in_triangles.triangle[hit.triangle];
-    vec3 previous = transform_point(instance.previous_object_to_world, tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y);
+    vec3 previous = s.position;
+    if (OBJECT_MOTION != 0u) {
+        TriangleGeometry tri = in_triangles.triangle[hit.triangle];
+        vec3 point = tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y;
+        previous = transform_point(in_instances.instance[hit.instance].previous_object_to_world, point);
+    }
     imageStore(out_position, ivec3(p, VIRTUAL), vec4(s.position, hit.t));
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(to_half(s.normal), s.roughness));
     // relative to where this ray meets the image, so that a surface seen beside the pixel's centre is followed too
-    vec4 motion = motion_of(vec2(p) + 0.5, previous, float(instance.id));
+    vec4 motion = motion_of(vec2(p) + 0.5, previous, float(in_instances.instance[hit.instance].id));
     imageStore(out_motion, ivec3(p, VIRTUAL), motion);
     imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, s.metallic));
-    imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
+    if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
     imageStore(out_hit, p, uvec4(hit.instance, hit.triangle, floatBitsToUint(hit.barycentric)));
 }
 
@@ -62,6 +68,6 @@ void write_no_virtual(ivec2 p) {
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_motion, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_albedo_virtual, p, vec4(0.0));
-    imageStore(out_emission, p, vec4(0.0));
+    if (EMISSION != 0u) imageStore(out_emission, p, vec4(0.0));
     imageStore(out_hit, p, uvec4(NONE));
 }

@@ -4,6 +4,7 @@
 // plane distance, normal, object id, roughness).
 // In: tiles, mask, position, normal, motion.w (id). In/out: irradiance_a, irradiance_b, only untraced pixels written.
 #include "common.glsl"
+#include "parts.glsl"
 #include "list.glsl"
 #include "edge_stop.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -40,12 +41,12 @@ void main() {
             float w = geometry_weight(position, normal, id, imageLoad(in_position, ivec3(q, layer)), n, imageLoad(in_motion, ivec3(q, layer)).w, pixel * sqrt(distance2));
             w *= exp(-distance2 / float(push.radius * push.radius)) * exp(-8.0 * abs(n.w - normal.w));
             a += w * imageLoad(irradiance_a, ivec3(q, layer));
-            b += w * imageLoad(irradiance_b, ivec3(q, layer));
+            if (has_b(layer)) b += w * imageLoad(irradiance_b, ivec3(q, layer));
             total += w;
         }
     }
     // no traced neighbour on this surface: nothing is known (w < 0), which temporal and atrous mend from theirs
     bool known = total > 1e-6;
     imageStore(irradiance_a, ivec3(p, layer), known ? vec4(a.rgb / total, 0.0) : vec4(vec3(0.0), -1.0));
-    imageStore(irradiance_b, ivec3(p, layer), known ? b / total : vec4(0.0));
+    if (has_b(layer)) imageStore(irradiance_b, ivec3(p, layer), known ? b / total : vec4(0.0));
 }

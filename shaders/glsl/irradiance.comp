@@ -8,6 +8,7 @@
 // w distance of the hit, metres).
 #define TRACE_PANORAMA
 #include "common.glsl"
+#include "parts.glsl"
 #include "panorama.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"
@@ -120,17 +121,17 @@ vec3 incoming(vec3 origin, Ray ray, inout Random random, out float distance) {
         width += 0.05 * hit.t;
         vec3 seen_along = VIRTUAL_TRACER == SCREEN ? screen_direction(hit, ray.d) : ray.d;
         Surface s = scene_surface(hit, seen_along, width);
-        sum += throughput * s.emissive;
+        if (EMISSION != 0u) sum += throughput * s.emissive;
         vec3 to_eye = -seen_along;
         Lobes l = brdf_lobes(s, to_eye);
-        bool specular = random_next(random) < l.specular_probability;
+        bool specular = brdf_choose_specular(l, random);
         origin = surface_origin(s);
         ray = draw(origin, s.normal, specular, s, l, to_eye, random);
         if (dot(ray.d, s.geometric) <= 0.0) return sum;
         throughput *= ray.weight * (specular ? vec3(1.0 / l.specular_probability) : l.diffuse / (1.0 - l.specular_probability));
         if (max(throughput.r, max(throughput.g, throughput.b)) <= 0.0) return sum;
         hit.instance = NONE;
-        if (bounce < in_view.view.bounces) hit = virtual_trace(origin, ray.d, ray.real.t, random);
+        if (INTERREFLECTION != 0u && bounce < in_view.view.bounces) hit = virtual_trace(origin, ray.d, ray.real.t, random);
     }
     return sum + throughput * relit(ray.real.uv, hit_radiance(ray.real));
 }
@@ -165,7 +166,7 @@ void main() {
         SceneHit hit = SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw));
         Surface s = scene_surface(hit, from_eye, point.w * pixel_angle());
         Lobes l = brdf_lobes(s, -from_eye);
-        bool specular = random_next(random) < l.specular_probability;
+        bool specular = brdf_choose_specular(l, random);
         vec3 origin = surface_origin(s);
         Ray ray = draw(origin, s.normal, specular, s, l, -from_eye, random);
         vec3 weight = ray.weight / (specular ? l.specular_probability : (1.0 - l.specular_probability) / PI);
@@ -173,6 +174,6 @@ void main() {
         vec3 radiance = vec3(0.0);
         if (max(weight.r, max(weight.g, weight.b)) > 0.0) radiance = weight * incoming(origin, ray, random, distance);
         imageStore(out_irradiance_a, ivec3(p, VIRTUAL), vec4(specular ? vec3(0.0) : radiance, 0.0));
-        imageStore(out_irradiance_b, ivec3(p, VIRTUAL), vec4(specular ? radiance : vec3(0.0), specular ? distance : 0.0));
+        if (SPECULAR != 0u) imageStore(out_irradiance_b, ivec3(p, VIRTUAL), vec4(specular ? radiance : vec3(0.0), specular ? distance : 0.0));
     }
 }

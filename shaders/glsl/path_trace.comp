@@ -7,6 +7,7 @@
 // Radiance of a pixel is (reflected + other) / samples. The split serves the denoiser: `reflected` is what the surface at the
 // pixel's centre reflects, `other` is emission seen directly and all that other surfaces in the pixel send.
 #include "common.glsl"
+#include "parts.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;

@@ -2,8 +2,9 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 2, sampling_mask: which pixels trace this frame, compacted into one list for real and one for virtual surfaces, and
 // the 8×8 tiles that the later passes visit. (IPRT §2, "sparse sampling mask".)
-// In: position, normal, coverage, motion, history length. Out: mask (0 nothing there, 1 traced, 2 interpolated), lists, arguments.
+// In: position, normal, coverage, motion, history length. Out: mask (0 nothing there, 1 traced, 2 interpolated), lists, arguments; irradiance_a, _b of what nothing will fill.
 #include "common.glsl"
+#include "parts.glsl"
 #include "list.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -16,6 +17,8 @@ layout(set = 0, binding = 41, r32f) uniform writeonly image2DArray out_mask;
 layout(set = 0, binding = 42, scalar) writeonly buffer List { uint item[]; } out_list;
 layout(set = 0, binding = 43, scalar) writeonly buffer Tiles { uint item[]; } out_tiles;
 layout(set = 0, binding = 44, scalar) buffer Arguments { uint word[]; } out_arguments;
+layout(set = 0, binding = 45, rgba32f) uniform writeonly image2DArray out_irradiance_a;
+layout(set = 0, binding = 46, rgba32f) uniform writeonly image2DArray out_irradiance_b;
 
 layout(push_constant, scalar) uniform Push {
     uint dense;
@@ -25,6 +28,7 @@ layout(push_constant, scalar) uniform Push {
     uint by_discontinuity;
     float mask_cosine;   // of the angle between normals
     float mask_distance; // from the tangent plane, of the distance
+    uint mark_untraced;  // nothing will fill what is not traced: it is marked as unknown here
 } push;
 
 shared uint group_count[2];
@@ -41,6 +45,7 @@ bool in_turn(ivec2 p, uint share) {
 }
 
 bool shows(ivec2 p, int layer) {
+    if (VIRTUAL_SURFACES == 0u) return layer == REAL;
     float coverage = imageLoad(in_real_coverage, p).x;
     return layer == REAL ? coverage > 0.0 : coverage < 1.0;
 }
@@ -99,7 +104,9 @@ void main() {
     bool inside = all(lessThan(p, ivec2(in_view.view.size)));
     uint slot[2];
     bool trace[2];
-    for (int layer = 0; layer < 2; layer++) {
+    trace[VIRTUAL] = false;
+    int layers = VIRTUAL_SURFACES != 0u ? 2 : 1;
+    for (int layer = 0; layer < layers; layer++) {
         trace[layer] = false;
         if (!inside) continue;
         bool present = in_view.view.instance_count > 0u && imageLoad(in_position, ivec3(p, layer)).w > 0.0 && shows(p, layer);
@@ -109,6 +116,10 @@ void main() {
             if (trace[layer]) slot[layer] = atomicAdd(group_count[layer], 1u);
         }
         imageStore(out_mask, ivec3(p, layer), vec4(present ? (trace[layer] ? 1.0 : 2.0) : 0.0));
+        if (push.mark_untraced != 0u && present && !trace[layer]) {
+            imageStore(out_irradiance_a, ivec3(p, layer), vec4(vec3(0.0), -1.0));
+            if (has_b(layer)) imageStore(out_irradiance_b, ivec3(p, layer), vec4(0.0));
+        }
     }
     barrier();
     if (local == 0u) {
@@ -124,6 +135,6 @@ void main() {
     }
     barrier();
     uint pixels = in_view.view.size.x * in_view.view.size.y;
-    for (int layer = 0; layer < 2; layer++)
+    for (int layer = 0; layer < layers; layer++)
         if (trace[layer]) out_list.item[uint(layer) * pixels + group_base[layer] + slot[layer]] = uint(p.x) | (uint(p.y) << 16u);
 }

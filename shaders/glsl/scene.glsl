@@ -194,7 +194,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     vec2 u1 = v1.uv - v0.uv, u2 = v2.uv - v0.uv;
     float footprint = width * sqrt(abs(u1.x * u2.y - u1.y * u2.x) / max(1e-20, length(cross(w1, w2))));
 
-    if (m.normal_texture != NONE) {
+    if (TEXTURES != 0u && m.normal_texture != NONE) {
         vec4 tangent = v0.tangent * b.x + v1.tangent * b.y + v2.tangent * b.z;
         vec3 t = transform_direction(instance.object_to_world, tangent.xyz);
         t -= normal * dot(t, normal);
@@ -214,18 +214,20 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     s.base_color = m.base_color;
     s.metallic = m.metallic;
     s.roughness = m.roughness;
-    s.emissive = m.emissive;
+    s.emissive = EMISSION != 0u ? m.emissive : vec3(0.0);
     float specular = m.specular;
     vec3 specular_color = m.specular_color;
-    if (m.base_color_texture != NONE) s.base_color *= texture_sample(m.base_color_texture, uv, footprint).rgb;
-    if (m.metallic_roughness_texture != NONE) {
-        vec4 c = texture_sample(m.metallic_roughness_texture, uv, footprint);
-        s.roughness *= c.g;
-        s.metallic *= c.b;
+    if (TEXTURES != 0u) {
+        if (m.base_color_texture != NONE) s.base_color *= texture_sample(m.base_color_texture, uv, footprint).rgb;
+        if (m.metallic_roughness_texture != NONE) {
+            vec4 c = texture_sample(m.metallic_roughness_texture, uv, footprint);
+            s.roughness *= c.g;
+            s.metallic *= c.b;
+        }
+        if (EMISSION != 0u && m.emissive_texture != NONE) s.emissive *= texture_sample(m.emissive_texture, uv, footprint).rgb;
+        if (m.specular_texture != NONE) specular *= texture_sample(m.specular_texture, uv, footprint).a;
+        if (m.specular_color_texture != NONE) specular_color *= texture_sample(m.specular_color_texture, uv, footprint).rgb;
     }
-    if (m.emissive_texture != NONE) s.emissive *= texture_sample(m.emissive_texture, uv, footprint).rgb;
-    if (m.specular_texture != NONE) specular *= texture_sample(m.specular_texture, uv, footprint).a;
-    if (m.specular_color_texture != NONE) specular_color *= texture_sample(m.specular_color_texture, uv, footprint).rgb;
     float f = (m.ior - 1.0) / (m.ior + 1.0);
     s.f0 = mix(min(f * f * specular_color, vec3(1.0)) * specular, s.base_color, s.metallic);
     s.f90 = mix(specular, 1.0, s.metallic);

@@ -96,7 +96,7 @@ SceneHit screen_equirect(vec3 origin, vec3 d, float t_max, float jitter) {
 
 // The first virtual surface along a ray before t_max, as the picture shows it; `jitter` from 0 to 1.
 SceneHit screen_trace(vec3 origin, vec3 d, float t_max, float jitter) {
-    if (in_view.view.instance_count == 0u) return SceneHit(FAR, NONE, NONE, vec2(0.0));
+    if (VIRTUAL_SURFACES == 0u || in_view.view.instance_count == 0u) return SceneHit(FAR, NONE, NONE, vec2(0.0));
     if (in_view.view.projection == EQUIRECT) return screen_equirect(origin, d, t_max, jitter);
     return screen_perspective(origin, d, t_max, jitter);
 }

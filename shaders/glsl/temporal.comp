@@ -5,6 +5,7 @@
 // In: tiles, mask, irradiance_a/b of this frame (or what atrous made of them, if it comes first), position, normal, motion now and a frame ago, history_*. Out: accumulated a, b (w: variance
 // of the mean), moments (x, y: second moments of the luminances of a and b; z: history length, frames; w: hit distance, metres).
 #include "common.glsl"
+#include "parts.glsl"
 #include "list.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 2) const uint CLAMP = 1;
@@ -27,7 +28,7 @@ layout(set = 0, binding = 56, rgba32f) uniform writeonly image2DArray out_a;
 layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_b;
 layout(set = 0, binding = 58, rgba32f) uniform writeonly image2DArray out_moments;
 
-layout(push_constant, scalar) uniform Push { uint history_valid; uint interpolated; uint filtered; float clamp_spread; } push;
+layout(push_constant, scalar) uniform Push { uint history_valid; uint filtered; float clamp_spread; } push;
 
 // A history texel counts if it was this surface: same object, at the distance this point then had, facing alike.
 float history_weight(ivec2 q, int layer, vec4 motion, vec3 normal) {
@@ -51,9 +52,9 @@ void main() {
     }
     vec4 motion = imageLoad(in_motion, ivec3(p, layer));
     vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;
-    vec4 a = imageLoad(in_irradiance_a, ivec3(p, layer)), b = imageLoad(in_irradiance_b, ivec3(p, layer));
+    vec4 a = imageLoad(in_irradiance_a, ivec3(p, layer)), b = has_b(layer) ? imageLoad(in_irradiance_b, ivec3(p, layer)) : vec4(0.0);
     bool fresh = push.filtered != 0u ? a.w >= 0.0 : mask == 1.0; // a filtered pixel is as good as a traced one
-    bool known = fresh || (push.interpolated != 0u && a.w >= 0.0);
+    bool known = fresh || a.w >= 0.0;
     if (!known) { a = vec4(0.0); b = vec4(0.0); }
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
     vec4 moments = vec4(luma * luma, fresh ? 1.0 : known ? 0.5 : 0.0, b.w);
@@ -75,7 +76,7 @@ void main() {
             w *= m.z > 0.0 ? history_weight(q, layer, motion, normal) : 0.0;
             if (w <= 0.0) continue;
             old_a += w * imageLoad(history_a, ivec3(q, layer)).rgb;
-            old_b += w * imageLoad(history_b, ivec3(q, layer)).rgb;
+            if (has_b(layer)) old_b += w * imageLoad(history_b, ivec3(q, layer)).rgb;
             old_moments += w * m;
             total += w;
         }
@@ -92,7 +93,7 @@ void main() {
                     if (!neighbour(q) || imageLoad(in_motion, ivec3(q, layer)).w != motion.w) continue;
                     float taken = imageLoad(in_mask, ivec3(q, layer)).x;
                     if (push.filtered != 0u ? taken == 0.0 : taken != 1.0) continue;
-                    vec3 ca = imageLoad(in_irradiance_a, ivec3(q, layer)).rgb, cb = imageLoad(in_irradiance_b, ivec3(q, layer)).rgb;
+                    vec3 ca = imageLoad(in_irradiance_a, ivec3(q, layer)).rgb, cb = has_b(layer) ? imageLoad(in_irradiance_b, ivec3(q, layer)).rgb : vec3(0.0);
                     mean_a += ca; square_a += ca * ca;
                     mean_b += cb; square_b += cb * cb;
                     count += 1.0;
@@ -116,6 +117,6 @@ void main() {
     }
     vec2 variance = max(moments.xy - luma * luma, vec2(0.0)) / max(moments.z, 1.0);
     imageStore(out_a, ivec3(p, layer), vec4(a.rgb, known ? variance.x : -1.0)); // negative: nothing is known here yet
-    imageStore(out_b, ivec3(p, layer), vec4(b.rgb, variance.y));
+    if (has_b(layer)) imageStore(out_b, ivec3(p, layer), vec4(b.rgb, variance.y));
     imageStore(out_moments, ivec3(p, layer), moments);
 }

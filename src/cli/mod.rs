@@ -10,6 +10,7 @@ pub mod compare;
 mod compare_sequence;
 pub mod devices;
 pub mod masks;
+pub mod plan;
 pub mod reference;
 pub mod render;
 pub mod scene;
@@ -47,6 +48,8 @@ pub enum Command {
     Capture(capture::Args),
     /// Chart speed against accuracy: methods, and every setting
     Chart(chart::Args),
+    /// Print which parts of the model a scene needs, and why
+    Plan(plan::Args),
     /// Measure how far a picture is from the truth
     Compare(compare::Args),
     /// Write which pixels show objects, and which they influence
@@ -67,6 +70,7 @@ impl Command {
             Self::Reference(args) => reference::run(&args),
             Self::Capture(args) => capture::run(&args),
             Self::Chart(args) => chart::run(&args),
+            Self::Plan(args) => plan::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Masks(args) => masks::run(&args),
             Self::Check(args) => check::run(&args),

@@ -8,6 +8,7 @@ use crate::{
         write::{write_display, write_exr},
     },
     measure::bench,
+    plan::Plan,
     renderer::Renderer,
     scene::Scene,
     settings::Method,
@@ -72,8 +73,14 @@ pub fn run(args: &Args) -> Result<()> {
     let converge = args.spp.is_some() || options.method == Method::Reference;
     let warmup = args.warmup.unwrap_or(if converge { 0 } else { 15 });
     let spp = if converge { args.spp.unwrap_or(64).max(1) } else { 1 };
-    let mut renderer = Renderer::new(&gpu, &scene, options)?;
+    let timed = args.timings.map_or(0, |frames| frames.saturating_add(1));
+    let frames = (last - first + 1).saturating_mul(spp).saturating_add(warmup).saturating_add(timed);
+    let plan = Plan::of(&scene, &options, Some(frames))?;
+    let mut renderer = Renderer::with_plan(&gpu, &scene, options, plan)?;
     check_aovs(&renderer, &args.aov)?;
+    if !args.picture.quiet {
+        eprintln!("{}", renderer.plan().summary());
+    }
     let bar =
         progress(args.picture.quiet, u64::from(warmup) + u64::from(last - first + 1) * u64::from(spp), "rendering");
     for _ in 0..warmup {
@@ -161,15 +168,7 @@ pub fn write(
 
 /// Unknown names are told before hours of rendering, not after.
 pub fn check_aovs(renderer: &Renderer, aovs: &[String]) -> Result<()> {
-    let known = renderer.aov_names();
-    match aovs.iter().find(|name| *name != "all" && !known.contains(name)) {
-        Some(name) => Err(Error::input(
-            "--aov",
-            format!("there is no image \"{name}\""),
-            format!("choose from all, {}", known.join(", ")),
-        )),
-        None => Ok(()),
-    }
+    aovs.iter().filter(|name| *name != "all").try_for_each(|name| renderer.require_aov(name))
 }
 
 /// The same for the folder of an output.

@@ -1,9 +1,10 @@
 //! One Vulkan device and its compute queue.
 
 use std::{
+    collections::HashMap,
     ffi::CString,
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex, MutexGuard, PoisonError, Weak,
         atomic::{AtomicU64, Ordering},
     },
 };
@@ -14,6 +15,7 @@ use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, vulkan as memory};
 use super::{
     adapter,
     memory::Format,
+    pass::{PassData, PassKey},
     slot::Slot,
     timing::Clock,
     transfer::Staging,
@@ -48,6 +50,8 @@ pub(super) struct Shared {
     allocator: Mutex<Option<memory::Allocator>>,
     slots: Mutex<Vec<Slot>>,
     staging: Mutex<Option<Staging>>,
+    /// Pipelines that are alive, so that renderers of one device share them.
+    pub passes: Mutex<HashMap<PassKey, Weak<PassData>>>,
     queue: Mutex<vk::Queue>,
     pub queue_family: u32,
     name: String,
@@ -276,6 +280,7 @@ impl Parts {
             allocator: Mutex::new(Some(self.allocator)),
             slots: Mutex::new(Vec::new()),
             staging: Mutex::new(None),
+            passes: Mutex::new(HashMap::new()),
             queue: Mutex::new(queue),
             queue_family: self.chosen.queue_family,
             name: self.chosen.adapter.name,

@@ -1,12 +1,15 @@
 //! One compute shader as a value: declaration, and the pipeline made from it.
 
-use std::{fmt, sync::Arc};
+use std::{
+    fmt,
+    sync::{Arc, Weak},
+};
 
 use ash::vk;
 
 pub use super::hazard::Access;
 use super::{
-    device::{Gpu, during},
+    device::{Gpu, during, lock},
     layout::{PushLayout, StructLayout},
     reflect::{self, Slot},
 };
@@ -42,6 +45,15 @@ pub(super) struct PassData {
     pub pipeline: vk::Pipeline,
 }
 
+/// What makes two pipelines the same: shader and bindings, which are static, and specialization.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub(super) struct PassKey {
+    name: &'static str,
+    shader: usize,
+    bindings: (usize, usize),
+    specialization: Vec<(u32, u32)>,
+}
+
 impl Pass {
     /// The name in its declaration.
     pub fn name(&self) -> &'static str {
@@ -61,7 +73,7 @@ impl fmt::Debug for Pass {
 }
 
 impl Gpu {
-    /// Makes a pass; `specialization` holds values by `constant_id` (floats and bools as their bits).
+    /// Makes a pass, or finds it where it is alive; `specialization` holds values by `constant_id` (floats and bools as their bits).
     ///
     /// # Errors
     /// [`Error::Internal`] that names shader and field where the declaration and the SPIR-V disagree;
@@ -84,6 +96,15 @@ impl Gpu {
         if declaration.push.is_some_and(|push| push.size % 4 != 0) {
             return Err(Error::Internal(format!("shader {name}: push constants are not a multiple of 4 bytes")));
         }
+        let key = PassKey {
+            name,
+            shader: declaration.spirv.as_ptr() as usize,
+            bindings: (declaration.bindings.as_ptr() as usize, declaration.bindings.len()),
+            specialization: specialization.to_vec(),
+        };
+        if let Some(alive) = lock(&self.0.passes).get(&key).and_then(Weak::upgrade) {
+            return Ok(Pass(alive));
+        }
         // From here on dropping `data` frees whatever has been made.
         let mut data = PassData {
             gpu: self.clone(),
@@ -96,7 +117,11 @@ impl Gpu {
             pipeline: vk::Pipeline::null(),
         };
         data.build(declaration.spirv, specialization)?;
-        Ok(Pass(Arc::new(data)))
+        let pass = Arc::new(data);
+        let mut passes = lock(&self.0.passes);
+        passes.retain(|_, pass| pass.strong_count() > 0);
+        passes.insert(key, Arc::downgrade(&pass));
+        Ok(Pass(pass))
     }
 }
 

@@ -1,6 +1,6 @@
 //! `bench`: per-pass GPU times from timestamp queries.
 
-use crate::{Result, gpu::Timings, renderer::Renderer, scene::Scene, settings::Settings};
+use crate::{Result, gpu::Timings, plan::PassPlan, renderer::Renderer, scene::Scene};
 use serde::Serialize;
 use std::{collections::BTreeMap, fmt::Write, time::Instant};
 
@@ -76,7 +76,7 @@ pub struct Report {
     pub frames: u32,
     /// Frames run before.
     pub warmup: u32,
-    /// All settings.
+    /// All settings, as the plan left them.
     pub settings: BTreeMap<String, String>,
     /// In frame order.
     pub passes: Vec<PassTime>,
@@ -84,6 +84,9 @@ pub struct Report {
     pub frame: FrameTime,
     /// Device memory.
     pub memory: Memory,
+    /// The plan in a line.
+    #[serde(skip)]
+    pub plan: String,
     #[serde(skip)]
     samples: Vec<Sample>,
 }
@@ -121,7 +124,8 @@ pub fn run(
     }
     let gpu = renderer.gpu();
     let options = renderer.options();
-    let passes = PASSES.iter().map(|name| pass_time(name, &samples, &options.settings, renderer)).collect();
+    let plan = renderer.plan().passes();
+    let passes = PASSES.iter().map(|name| pass_time(name, &samples, &plan, renderer)).collect();
     let mut gpu_ms: Vec<f64> = samples.iter().map(|s| s.timings.gpu_ms).collect();
     let mut wall_ms: Vec<f64> = samples.iter().map(|s| s.wall_ms).collect();
     let share = |s: &Sample| s.timings.entries.iter().map(|(_, ms)| ms).sum::<f64>() / s.timings.gpu_ms.max(1e-9);
@@ -134,7 +138,7 @@ pub fn run(
         size: options.size,
         frames,
         warmup,
-        settings: options.settings.values().into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        settings: renderer.plan().settings.values().into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         passes,
         frame: FrameTime {
             gpu_median_ms: quantile(&mut gpu_ms, 0.5),
@@ -144,11 +148,12 @@ pub fn run(
             coverage: quantile(&mut coverage, 0.5),
         },
         memory: Memory { device_bytes: gpu.device_bytes() },
+        plan: renderer.plan().summary(),
         samples,
     })
 }
 
-fn pass_time(name: &str, samples: &[Sample], settings: &Settings, renderer: &Renderer) -> PassTime {
+fn pass_time(name: &str, samples: &[Sample], plan: &[PassPlan], renderer: &Renderer) -> PassTime {
     let total = |timings: &Timings| -> Option<f64> {
         let mut times = timings.entries.iter().filter(|(n, _)| n == name).map(|(_, ms)| *ms).peekable();
         times.peek()?;
@@ -156,18 +161,13 @@ fn pass_time(name: &str, samples: &[Sample], settings: &Settings, renderer: &Ren
     };
     let mut times: Vec<f64> = samples.iter().filter_map(|s| total(&s.timings)).collect();
     if times.is_empty() {
-        let off = match (total(renderer.prepared()), name) {
-            (Some(ms), _) => format!("the video frame did not change; done once before, {ms:.1} ms"),
-            (None, "radiance_pyramid") => "the picture is nowhere coarser than the panorama".to_owned(),
-            (None, "light_table") => "directions = brdf".to_owned(),
-            (None, "relight") if !renderer.has_objects() => "no object".to_owned(),
-            (None, "relight") => "relight_levels = 0".to_owned(),
-            (None, "interpolate") if !settings.sampling_mask => {
-                "sampling_mask = false: every pixel is traced".to_owned()
+        let off = match total(renderer.prepared()) {
+            Some(ms) => format!("the video frame did not change; done once before, {ms:.1} ms"),
+            None => {
+                let pass = plan.iter().find(|pass| pass.name == name);
+                pass.and_then(|pass| pass.off.clone())
+                    .unwrap_or_else(|| "not dispatched in the frames measured".to_owned())
             }
-            (None, "interpolate") => "interpolate = false".to_owned(),
-            (None, "atrous") => "atrous_levels = 0".to_owned(),
-            (None, _) => "nothing to do".to_owned(),
         };
         return PassTime {
             name: name.to_owned(),
@@ -200,6 +200,7 @@ impl Report {
             "{} ({}), {} at {}×{}, method {}",
             self.device, self.driver, self.scene, self.size[0], self.size[1], self.method
         );
+        let _ = writeln!(out, "{}", self.plan);
         let _ = writeln!(out, "{} frames after {} of warm-up; milliseconds of GPU time", self.frames, self.warmup);
         let _ = writeln!(out, "{:<18}{:>10}{:>10}{:>10}{:>10}", "pass", "median", "p95", "min", "max");
         for pass in &self.passes {

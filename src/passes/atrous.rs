@@ -5,6 +5,7 @@ use crate::{
     Result,
     gpu::{Access, Bind, Frame, Gpu, Image, Threads},
     gpu_struct,
+    plan::{Part, Plan},
     settings::{FilterOrder, Settings},
     shaders,
 };
@@ -19,7 +20,7 @@ pub struct Atrous(Kernel);
 
 impl Atrous {
     /// Builds the pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         use Access::{Read, Write};
         const BINDINGS: &[(&str, Access)] = &[
             ("in_view", Read),
@@ -35,7 +36,14 @@ impl Atrous {
             ("out_a", Write),
             ("out_b", Write),
         ];
-        Ok(Self(Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, BINDINGS, &[], &[])?))
+        Ok(Self(Kernel::new::<AtrousPush>(
+            gpu,
+            "atrous",
+            shaders::ATROUS,
+            BINDINGS,
+            &[],
+            &[plan.constant(Part::Specular)],
+        )?))
     }
 
     /// Records the levels, from the accumulated a and b, or from this frame's irradiance, into what [`Atrous::result`] names.
@@ -51,7 +59,7 @@ impl Atrous {
                 ("out_a", Bind::from(view.image(to[0])?)),
                 ("out_b", Bind::from(view.image(to[1])?)),
             ];
-            let raw = level == 0 && settings.filter_order == FilterOrder::SpatialFirst;
+            let raw = level == 0 && of_this_frame(settings);
             let push =
                 AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance, raw: u32::from(raw) };
             self.0.dispatch(
@@ -67,16 +75,26 @@ impl Atrous {
 
     /// The images that hold a and b after the last level.
     pub fn result<'a>(view: &'a View, settings: &Settings) -> Result<[&'a Image; 2]> {
-        let [a, b] = Self::names(settings.atrous_levels, settings);
+        let [a, b] = Self::result_names(settings);
         Ok([view.image(a)?, view.image(b)?])
+    }
+
+    /// Their names.
+    pub fn result_names(settings: &Settings) -> [&'static str; 2] {
+        Self::names(settings.atrous_levels, settings)
     }
 
     fn names(level: u32, settings: &Settings) -> [&'static str; 2] {
         match level {
-            0 if settings.filter_order == FilterOrder::SpatialFirst => ["irradiance_a", "irradiance_b"],
+            0 if of_this_frame(settings) => ["irradiance_a", "irradiance_b"],
             0 => ["a", "b"],
             odd if odd % 2 == 1 => ["filtered_a", "filtered_b"],
             _ => ["scratch_a", "scratch_b"],
         }
     }
+}
+
+/// Whether the filter reads one frame's irradiance: it comes first, or nothing is accumulated.
+fn of_this_frame(settings: &Settings) -> bool {
+    settings.filter_order == FilterOrder::SpatialFirst || !settings.temporal
 }

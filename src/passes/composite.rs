@@ -4,7 +4,7 @@ use super::{resources::Kernel, view::View};
 use crate::{
     Result,
     gpu::{Access, Bind, Frame, Gpu, Image, Threads},
-    settings::Settings,
+    plan::{Part, Plan},
     shaders,
 };
 
@@ -13,7 +13,7 @@ pub struct Composite(Kernel);
 
 impl Composite {
     /// Builds the pipeline.
-    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
+    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         use Access::{Read, Write};
         const BINDINGS: &[(&str, Access)] = &[
             ("in_view", Read),
@@ -32,13 +32,20 @@ impl Composite {
             shaders::COMPOSITE,
             BINDINGS,
             &[],
-            &[(6, settings.relighting as u32)],
+            &[
+                (6, plan.settings.relighting as u32),
+                plan.constant(Part::VirtualSurfaces),
+                plan.constant(Part::Specular),
+                plan.constant(Part::Emission),
+                plan.constant(Part::Objects),
+            ],
         )?))
     }
 
-    /// Records the dispatch; `irradiance` holds a and b after filtering.
-    pub fn record(&self, frame: &mut Frame, view: &View, irradiance: [&Image; 2]) -> Result<()> {
-        let special = [("in_a", Bind::from(irradiance[0])), ("in_b", Bind::from(irradiance[1]))];
-        self.0.dispatch(frame, &special, &[&view.resources], &(), Threads::Size([view.size[0], view.size[1], 1]))
+    /// Records the dispatch; `irradiance` holds a and b after filtering, where there is any.
+    pub fn record(&self, frame: &mut Frame, view: &View, irradiance: Option<[&Image; 2]>) -> Result<()> {
+        let special = irradiance.map(|[a, b]| [("in_a", Bind::from(a)), ("in_b", Bind::from(b))]);
+        let special = special.as_ref().map_or(&[][..], |special| special);
+        self.0.dispatch(frame, special, &[&view.resources], &(), Threads::Size([view.size[0], view.size[1], 1]))
     }
 }

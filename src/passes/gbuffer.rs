@@ -3,11 +3,12 @@
 use super::{
     resources::{Kernel, Resources},
     scene::SceneBuffers,
-    view::View,
+    view::{Role, View},
 };
 use crate::{
     Result,
     gpu::{Access, Frame, Gpu, StructLayout, Threads, struct_layout},
+    plan::{Part, Plan},
     scene::packed,
     shaders,
 };
@@ -24,16 +25,25 @@ pub const SCENE_STRUCTS: &[StructLayout] = &[
     struct_layout::<super::view::ViewData>("View"),
 ];
 
+/// What a view's primary rays are for, and from where.
+#[derive(Clone, Copy, Debug)]
+pub struct Look {
+    /// The view.
+    pub role: Role,
+    /// The camera is not at the panorama's centre: rays are traced through the panorama.
+    pub off_centre: bool,
+}
+
 /// See the module.
 pub struct Gbuffer {
     centre: Kernel,
-    coverage: Kernel,
+    /// Where objects are in view.
+    coverage: Option<Kernel>,
 }
 
 impl Gbuffer {
-    /// Builds the pipelines; `off_centre` cameras trace their primary rays through the panorama; `minified`:
-    /// the panorama is finer than the picture and has mip levels.
-    pub fn new(gpu: &Gpu, off_centre: bool, minified: bool) -> Result<Self> {
+    /// Builds the pipelines.
+    pub fn new(gpu: &Gpu, plan: &Plan, look: Look) -> Result<Self> {
         use Access::{Read, Write};
         const CENTRE: &[(&str, Access)] = &[
             ("in_view", Read),
@@ -85,19 +95,34 @@ impl Gbuffer {
             ("out_emission", Write),
             ("out_hit", Write),
         ];
-        let constants = [(0, u32::from(off_centre)), (3, u32::from(minified))];
+        const SHOWN: u32 = 23;
+        let shown = look.role == Role::Picture;
+        let (id, in_view) = plan.constant(Part::VirtualSurfaces);
+        let in_view = if shown { in_view } else { 0 };
+        let material = [
+            (0, u32::from(look.off_centre)),
+            plan.constant(Part::Specular),
+            plan.constant(Part::Emission),
+            plan.constant(Part::Textures),
+            plan.constant(Part::Motion),
+            plan.constant(Part::Objects),
+        ];
+        let minified = (3, u32::from(plan.color_levels() > 1));
+        let centre = [&material[..], &[minified, (id, in_view), (SHOWN, u32::from(shown))]].concat();
+        let coverage = || Kernel::new::<()>(gpu, "gbuffer", shaders::COVERAGE, COVERAGE, SCENE_STRUCTS, &material);
         Ok(Self {
-            centre: Kernel::new::<()>(gpu, "gbuffer", shaders::GBUFFER, CENTRE, SCENE_STRUCTS, &constants)?,
-            coverage: Kernel::new::<()>(gpu, "gbuffer", shaders::COVERAGE, COVERAGE, SCENE_STRUCTS, &constants[..1])?,
+            centre: Kernel::new::<()>(gpu, "gbuffer", shaders::GBUFFER, CENTRE, SCENE_STRUCTS, &centre)?,
+            coverage: (in_view == 1).then(coverage).transpose()?,
         })
     }
 
-    /// Records both dispatches.
+    /// Records one or both dispatches.
     pub fn record(&self, frame: &mut Frame, view: &View, panorama: &Resources, scene: &SceneBuffers) -> Result<()> {
         let threads = || Threads::Size([view.size[0], view.size[1], 1]);
         let pools = [&view.resources, panorama, &scene.resources];
         self.centre.dispatch(frame, &[], &pools, &(), threads())?;
+        let Some(coverage) = &self.coverage else { return Ok(()) };
         frame.barrier("coverage reads its neighbours' visibility");
-        self.coverage.dispatch(frame, &[], &pools, &(), threads())
+        coverage.dispatch(frame, &[], &pools, &(), threads())
     }
 }

@@ -5,6 +5,7 @@ use crate::{
     Result,
     gpu::{Access, Frame, Gpu, Threads},
     gpu_struct,
+    plan::{Part, Plan},
     settings::{MaskBy, Settings},
     shaders,
 };
@@ -22,7 +23,7 @@ pub struct Interpolate(Kernel);
 
 impl Interpolate {
     /// Builds the pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         use Access::{Read, ReadWrite};
         const BINDINGS: &[(&str, Access)] = &[
             ("in_view", Read),
@@ -35,7 +36,8 @@ impl Interpolate {
             ("irradiance_a", ReadWrite),
             ("irradiance_b", ReadWrite),
         ];
-        Ok(Self(Kernel::new::<InterpolatePush>(gpu, "interpolate", shaders::INTERPOLATE, BINDINGS, &[], &[])?))
+        let constants = [plan.constant(Part::Specular)];
+        Ok(Self(Kernel::new::<InterpolatePush>(gpu, "interpolate", shaders::INTERPOLATE, BINDINGS, &[], &constants)?))
     }
 
     /// Records the dispatch. The radius reaches traced pixels at every rate.

@@ -4,13 +4,14 @@ use super::{
     gbuffer::SCENE_STRUCTS,
     resources::{Kernel, Resource, Resources},
     scene::SceneBuffers,
-    view::View,
+    view::{Role, View},
 };
 use crate::{
     Result,
     gpu::{Access, Frame, Gpu, Image, Threads},
     gpu_struct,
-    settings::{Settings, VirtualTracer},
+    plan::{Part, Plan},
+    settings::VirtualTracer,
     shaders,
 };
 
@@ -34,7 +35,8 @@ gpu_struct! {
 /// See the module.
 pub struct Irradiance {
     real: Kernel,
-    other: Kernel,
+    /// Where virtual surfaces are in view.
+    other: Option<Kernel>,
     /// Real surfaces of the relit map, whose picture shows no objects to walk, where they need a tracer of their own.
     relight: Option<Kernel>,
     push: IrradiancePush,
@@ -42,7 +44,8 @@ pub struct Irradiance {
 
 impl Irradiance {
     /// Builds the pipelines.
-    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
+    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
+        let settings = &plan.settings;
         use Access::{Read, Write};
         macro_rules! bindings {
             ($($extra:expr),*) => { &[
@@ -61,13 +64,18 @@ impl Irradiance {
                 (5, virtual_tracer as u32),
                 (6, settings.relighting as u32),
                 (7, settings.directions as u32),
+                plan.constant(Part::VirtualSurfaces),
+                plan.constant(Part::Specular),
+                plan.constant(Part::Emission),
+                plan.constant(Part::Textures),
+                plan.constant(Part::Bounces),
             ];
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, BINDINGS, SCENE_STRUCTS, &constants)
         };
         Ok(Self {
             real: kernel(0, settings.virtual_tracer)?,
-            other: kernel(1, settings.virtual_tracer)?,
-            relight: (settings.virtual_tracer != VirtualTracer::Bvh)
+            other: plan.on(Part::VirtualSurfaces).then(|| kernel(1, settings.virtual_tracer)).transpose()?,
+            relight: (plan.on(Part::Relight) && settings.virtual_tracer != VirtualTracer::Bvh)
                 .then(|| kernel(0, VirtualTracer::Bvh))
                 .transpose()?,
             push: IrradiancePush {
@@ -79,7 +87,7 @@ impl Irradiance {
         })
     }
 
-    /// Records the real list, and the virtual one unless the view shows no objects.
+    /// Records the real list, and the virtual one where the view shows objects.
     pub fn record(
         &self,
         frame: &mut Frame,
@@ -87,18 +95,18 @@ impl Irradiance {
         panorama: &Resources,
         scene: &SceneBuffers,
         relight: &Relight,
-        objects: bool,
+        role: Role,
     ) -> Result<()> {
         let mut relit = Resources::default();
         relit.add("relight_real", Resource::Image(relight.real.clone()));
         relit.add("relight_change", Resource::Image(relight.change.clone()));
         let pools = [&view.resources, panorama, &scene.resources, &relit];
-        let real = self.relight.as_ref().filter(|_| !objects).unwrap_or(&self.real);
+        let real = self.relight.as_ref().filter(|_| role == Role::Relight).unwrap_or(&self.real);
         real.dispatch(frame, &[], &pools, &self.push, Threads::Indirect(&view.arguments, LIST_REAL))?;
-        if objects {
+        if let (Role::Picture, Some(other)) = (role, &self.other) {
             // the two write different layers of the same images
             frame.barrier("virtual surfaces after real ones");
-            self.other.dispatch(frame, &[], &pools, &self.push, Threads::Indirect(&view.arguments, LIST_VIRTUAL))?;
+            other.dispatch(frame, &[], &pools, &self.push, Threads::Indirect(&view.arguments, LIST_VIRTUAL))?;
         }
         Ok(())
     }

@@ -74,7 +74,7 @@ impl Normals {
             step_radial,
             relative: 0.005,
         };
-        let raw = ("in_depth", Bind::from(panorama.raw_depth()));
+        let raw = ("in_depth", Bind::from(panorama.raw_depth()?));
         let threads = Threads::Size([width, height, 1]);
         let pools = [&panorama.resources, view];
         self.plane_fit.dispatch(frame, std::slice::from_ref(&raw), &pools, &push, threads)?;

@@ -8,6 +8,7 @@ use crate::{
     Error, Result,
     gpu::{Format, Gpu, Image},
     panorama::source::PanoramaFrame,
+    plan::{Part, Plan},
 };
 
 /// Sizes of the pyramid of boxes, see `pyramid.glsl`: a leaf is 2×2 quads, a node of level 0 has 2×2 leaves.
@@ -63,21 +64,56 @@ pub struct Panorama {
     /// What shaders read.
     pub resources: Resources,
     radiance: Image,
-    raw_depth: Image,
+    /// As captured; once it has been prepared, a panorama that never changes has no use for it.
+    raw_depth: Option<Image>,
+}
+
+/// What there is to be of a panorama, or the part without which it is left out.
+#[derive(Clone, Copy, Debug)]
+pub struct Needs {
+    /// Mip levels of radiance.
+    pub color_levels: u32,
+    /// Depth and normals.
+    pub geometry: std::result::Result<(), Part>,
+    /// The pyramid that rays walk.
+    pub boxes: std::result::Result<(), Part>,
+    /// The light table.
+    pub lights: std::result::Result<(), Part>,
+}
+
+impl Needs {
+    /// By a plan.
+    pub fn of(plan: &Plan) -> Self {
+        let need = |needed: bool, part| if needed { Ok(()) } else { Err(part) };
+        Self {
+            color_levels: plan.color_levels(),
+            geometry: need(plan.geometry(), Part::Objects),
+            boxes: need(plan.boxes(), if plan.on(Part::Objects) { Part::RealTracer } else { Part::Objects }),
+            lights: need(plan.on(Part::LightTable), Part::LightTable),
+        }
+    }
+}
+
+/// What a plan's panorama takes once it is prepared.
+pub fn bytes(plan: &Plan) -> u64 {
+    let texels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
+    let facts = &plan.facts;
+    let radiance: u64 = (0..plan.color_levels()).map(|l| texels(facts.color_size.map(|n| (n >> l).max(1)))).sum();
+    let depth = texels(facts.depth_size);
+    // depth and normal; what they are made from
+    let geometry = depth * (4 + 8) + if plan.on(Part::Video) { depth * (4 + 16) } else { 0 };
+    radiance * 16
+        + if plan.geometry() { geometry } else { 0 }
+        + if plan.boxes() { u64::from(PyramidShape::new(facts.depth_size).nodes * NODE_TEXELS) * 16 } else { 0 }
+        + if plan.on(Part::LightTable) { super::light_table::BYTES } else { 0 }
 }
 
 /// The widest panorama that the pyramid's node codes can address.
 const LARGEST: u32 = 32768;
 
 impl Panorama {
-    /// Allocates for frames of these sizes; `color_levels` mip levels of radiance.
-    pub fn new(
-        gpu: &Gpu,
-        color_size: [u32; 2],
-        depth_size: [u32; 2],
-        yaw_degrees: f32,
-        color_levels: u32,
-    ) -> Result<Self> {
+    /// Allocates for frames of these sizes.
+    pub fn new(gpu: &Gpu, color_size: [u32; 2], depth_size: [u32; 2], yaw_degrees: f32, needs: Needs) -> Result<Self> {
         for size in [color_size, depth_size] {
             if size.contains(&0) || size.iter().any(|&n| n >= LARGEST) {
                 let problem = format!("{}×{} texels", size[0], size[1]);
@@ -86,22 +122,36 @@ impl Panorama {
         }
         let shape = PyramidShape::new(depth_size);
         let with_poles = [depth_size[0], depth_size[1] + 2];
-        let radiance = gpu.image("panorama radiance", color_size, 1, color_levels, Format::Rgba32f)?;
-        let raw_depth = gpu.image("panorama raw depth", with_poles, 1, 1, Format::R32f)?;
+        let radiance = gpu.image("panorama radiance", color_size, 1, needs.color_levels, Format::Rgba32f)?;
         let angles_size = [with_poles[0].max(with_poles[1]), 2];
         let angles_image = gpu.image("panorama angles", angles_size, 1, 1, Format::Rg32f)?;
         gpu.write_image(&angles_image, 0, 0, &angles(depth_size, yaw_degrees, angles_size[0]))?;
         let mut resources = Resources::default();
         resources.add("panorama_radiance", Resource::Image(radiance.clone()));
         resources.add("panorama_levels", Resource::Image(radiance.clone()));
-        resources.add("depth", Resource::Image(gpu.image("panorama depth", with_poles, 1, 1, Format::R32f)?));
         resources.add("angles", Resource::Image(angles_image));
-        resources
-            .add("panorama_normal", Resource::Image(gpu.image("panorama normal", depth_size, 1, 1, Format::Rgba16f)?));
-        resources.add("plane", Resource::Image(gpu.image("panorama plane", depth_size, 1, 1, Format::Rgba32f)?));
-        let pyramid = pyramid(gpu, shape.nodes)?;
-        resources.add("pyramid", Resource::Image(pyramid));
-        resources.add("lights", Resource::Buffer(gpu.buffer("light table", super::light_table::BYTES)?));
+        let mut raw_depth = None;
+        for (name, size, format) in [
+            ("depth", with_poles, Format::R32f),
+            ("panorama_normal", depth_size, Format::Rgba16f),
+            ("plane", depth_size, Format::Rgba32f),
+        ] {
+            match needs.geometry {
+                Ok(()) => {
+                    resources.add(name, Resource::Image(gpu.image(&format!("panorama {name}"), size, 1, 1, format)?))
+                }
+                Err(part) => resources.leave_out(gpu, name, format, part)?,
+            }
+        }
+        if needs.geometry.is_ok() {
+            raw_depth = Some(gpu.image("panorama raw depth", with_poles, 1, 1, Format::R32f)?);
+        }
+        match needs.boxes {
+            Ok(()) => resources.add("pyramid", Resource::Image(pyramid(gpu, shape.nodes)?)),
+            Err(part) => resources.leave_out(gpu, "pyramid", Format::Rgba32u, part)?,
+        }
+        let lights = if needs.lights.is_ok() { super::light_table::BYTES } else { 0 };
+        resources.add("lights", Resource::Buffer(gpu.buffer("light table", lights)?));
         Ok(Self { color_size, depth_size, yaw_degrees, shape, far_sides: false, resources, radiance, raw_depth })
     }
 
@@ -120,8 +170,17 @@ impl Panorama {
     }
 
     /// Depth as captured, before normals moves it off its steps.
-    pub fn raw_depth(&self) -> &Image {
-        &self.raw_depth
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where it is not kept.
+    pub fn raw_depth(&self) -> Result<&Image> {
+        self.raw_depth.as_ref().ok_or_else(|| Error::Internal("the panorama's depth is not kept".into()))
+    }
+
+    /// Frees what only the passes of a new video frame read: there will be none.
+    pub fn settle(&mut self) {
+        self.raw_depth = None;
+        self.resources.0.retain(|(name, _)| *name != "plane");
     }
 
     /// Bytes of the pyramid.
@@ -147,7 +206,10 @@ impl Panorama {
     /// Uploads a frame; the per-video-frame passes must run after it.
     pub fn upload(&self, gpu: &Gpu, frame: &PanoramaFrame) -> Result<()> {
         gpu.write_image(&self.radiance, 0, 0, &frame.radiance)?;
-        gpu.write_image(&self.raw_depth, 0, 0, &with_poles(&frame.depth, frame.depth_size))
+        match &self.raw_depth {
+            Some(raw_depth) => gpu.write_image(raw_depth, 0, 0, &with_poles(&frame.depth, frame.depth_size)),
+            None => Ok(()),
+        }
     }
 }
 

@@ -3,8 +3,10 @@
 use crate::{
     Error, Result,
     gpu::{
-        Access, Bind, Buffer, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout, StructLayout, Threads,
+        Access, Bind, Buffer, Format, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout, StructLayout,
+        Threads,
     },
+    plan::Part,
 };
 
 /// What a name stands for.
@@ -16,6 +18,8 @@ pub enum Resource {
     Image(Image),
     /// This frame's image and the previous frame's.
     History([Image; 2]),
+    /// An image that the plan leaves out: one texel to be bound, as what it is with layers or without, and the part without which it is not there.
+    Absent(Image, Part),
 }
 
 /// Buffers and images by name. Shaders call the same thing `in_name`, `out_name` or `name` by direction, and
@@ -29,12 +33,27 @@ impl Resources {
         self.0.push((name, resource));
     }
 
+    /// Adds the stand-in for an image that the plan leaves out.
+    pub fn leave_out(&mut self, gpu: &Gpu, name: &'static str, format: Format, part: Part) -> Result<()> {
+        let image = gpu.image(&format!("no {name}"), [1, 1], 1, 1, format)?;
+        self.add(name, Resource::Absent(image, part));
+        Ok(())
+    }
+
+    /// The part without which the image of this name is left out.
+    pub fn absent(&self, name: &str) -> Option<Part> {
+        self.0.iter().find(|(n, _)| *n == name).and_then(|(_, resource)| match resource {
+            Resource::Absent(_, part) => Some(*part),
+            _ => None,
+        })
+    }
+
     /// The image of this name as the current frame writes it.
     pub fn image(&self, name: &str) -> Option<&Image> {
         self.0.iter().find(|(n, _)| *n == name).and_then(|(_, resource)| match resource {
             Resource::Image(image) => Some(image),
             Resource::History([current, _]) => Some(current),
-            Resource::Buffer(_) => None,
+            Resource::Buffer(_) | Resource::Absent(..) => None,
         })
     }
 
@@ -52,7 +71,7 @@ impl Resources {
         let name = previous.or(binding.strip_prefix("in_")).or(binding.strip_prefix("out_")).unwrap_or(binding);
         self.0.iter().find(|(n, _)| *n == name).map(|(_, resource)| match resource {
             Resource::Buffer(buffer) => Bind::from(buffer),
-            Resource::Image(image) => Bind::from(image),
+            Resource::Image(image) | Resource::Absent(image, _) => Bind::from(image),
             Resource::History(pair) => Bind::from(&pair[usize::from(previous.is_some())]),
         })
     }

@@ -1,10 +1,14 @@
 //! Pass 2, `sampling_mask`: which pixels trace this frame, compacted.
 
-use super::{resources::Kernel, view::View};
+use super::{
+    resources::Kernel,
+    view::{Role, View},
+};
 use crate::{
     Result,
     gpu::{Access, Frame, Gpu, Threads},
     gpu_struct,
+    plan::{Part, Plan},
     settings::{MaskBy, Settings},
     shaders,
 };
@@ -19,6 +23,7 @@ gpu_struct! {
         pub by_discontinuity: u32,
         pub mask_cosine: f32,
         pub mask_distance: f32,
+        pub mark_untraced: u32,
     }
 }
 
@@ -26,8 +31,8 @@ gpu_struct! {
 pub struct SamplingMask(Kernel);
 
 impl SamplingMask {
-    /// Builds the pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    /// Builds the pipeline for a view.
+    pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
         use Access::{Read, ReadWrite, Write};
         const BINDINGS: &[(&str, Access)] = &[
             ("in_view", Read),
@@ -40,8 +45,19 @@ impl SamplingMask {
             ("out_list", Write),
             ("out_tiles", Write),
             ("out_arguments", ReadWrite),
+            ("out_irradiance_a", Write),
+            ("out_irradiance_b", Write),
         ];
-        Ok(Self(Kernel::new::<SamplingMaskPush>(gpu, "sampling_mask", shaders::SAMPLING_MASK, BINDINGS, &[], &[])?))
+        let (id, on) = plan.constant(Part::VirtualSurfaces);
+        let constants = [(id, if role == Role::Picture { on } else { 0 }), plan.constant(Part::Specular)];
+        Ok(Self(Kernel::new::<SamplingMaskPush>(
+            gpu,
+            "sampling_mask",
+            shaders::SAMPLING_MASK,
+            BINDINGS,
+            &[],
+            &constants,
+        )?))
     }
 
     /// Records the clearing of the lists and the dispatch.
@@ -57,6 +73,7 @@ impl SamplingMask {
             by_discontinuity: u32::from(settings.mask_by == MaskBy::Discontinuity),
             mask_cosine: settings.mask_angle.to_radians().cos(),
             mask_distance: settings.mask_distance,
+            mark_untraced: u32::from(settings.sampling_mask && !settings.interpolate),
         };
         let recorded =
             self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Size([view.size[0], view.size[1], 1]));

@@ -2,14 +2,17 @@
 
 use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
 use crate::{
-    Result,
+    Error, Result,
     gpu::{Access, Bind, Frame, Gpu, Image, Threads},
-    gpu_struct, shaders,
+    gpu_struct,
+    plan::{Part, Plan},
+    settings::ClampWhen,
+    shaders,
 };
 
 gpu_struct! {
     /// Push constants of `temporal.comp`.
-    pub struct TemporalPush { pub history_valid: u32, pub interpolated: u32, pub filtered: u32, pub clamp_spread: f32 }
+    pub struct TemporalPush { pub history_valid: u32, pub filtered: u32, pub clamp_spread: f32 }
 }
 
 /// What temporal accumulates.
@@ -23,13 +26,13 @@ pub enum Input<'a> {
 
 /// See the module.
 pub struct Temporal {
-    still: Kernel,
-    clamped: Kernel,
+    still: Option<Kernel>,
+    clamped: Option<Kernel>,
 }
 
 impl Temporal {
-    /// Builds the pipelines, without and with clamping.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    /// Builds the pipelines, without and with clamping, where either can be asked for.
+    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         use Access::{Read, Write};
         const BINDINGS: &[(&str, Access)] = &[
             ("in_view", Read),
@@ -50,20 +53,26 @@ impl Temporal {
             ("out_b", Write),
             ("out_moments", Write),
         ];
-        let kernel =
-            |clamp: u32| Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, BINDINGS, &[], &[(2, clamp)]);
-        Ok(Self { still: kernel(0)?, clamped: kernel(1)? })
+        let kernel = |clamp: u32| {
+            let constants = [(2, clamp), plan.constant(Part::Specular)];
+            Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, BINDINGS, &[], &constants)
+        };
+        let clamps = plan.settings.clamp > 0.0;
+        let always = clamps && plan.settings.clamp_when == ClampWhen::Always;
+        Ok(Self {
+            still: (!always).then(|| kernel(0)).transpose()?,
+            clamped: (clamps && (always || plan.on(Part::Motion))).then(|| kernel(1)).transpose()?,
+        })
     }
 
-    /// Records the dispatch, from this frame's irradiance, or from what atrous made of it, into a and b. `interpolated`: untraced
-    /// pixels hold a value; `clamp_spread` in standard deviations, 0 for none.
+    /// Records the dispatch, from this frame's irradiance, or from what atrous made of it, into a and b. `clamp_spread` in standard
+    /// deviations, 0 for none.
     pub fn record(
         &self,
         frame: &mut Frame,
         view: &View,
         input: Input,
         history_valid: bool,
-        interpolated: bool,
         clamp_spread: f32,
     ) -> Result<()> {
         let [a, b] = match input {
@@ -72,9 +81,9 @@ impl Temporal {
         };
         let special = [("in_irradiance_a", Bind::from(a)), ("in_irradiance_b", Bind::from(b))];
         let kernel = if clamp_spread > 0.0 { &self.clamped } else { &self.still };
+        let kernel = kernel.as_ref().ok_or_else(|| Error::Internal("temporal: clamping is not as planned".into()))?;
         let push = TemporalPush {
             history_valid: u32::from(history_valid),
-            interpolated: u32::from(interpolated),
             filtered: u32::from(matches!(input, Input::Filtered(_))),
             clamp_spread,
         };

@@ -4,7 +4,7 @@
 use super::{
     depth_pyramid::DepthPyramid,
     normals::Normals,
-    panorama::Panorama,
+    panorama::{Needs, Panorama},
     resources::{Kernel, Resource, Resources},
     view::ViewData,
 };
@@ -13,6 +13,7 @@ use crate::{
     gpu::{Access, Bind, Buffer, Gpu, StructLayout, Threads, Timings, struct_layout},
     gpu_struct,
     panorama::{depth::Quantisation, source::PanoramaFrame},
+    plan::Part,
     settings::Settings,
     shaders,
 };
@@ -101,7 +102,8 @@ impl RayTracer {
         let steps = if let Tracer::March(steps) = tracer { steps } else { 0 };
         let constants = [(0, u32::from(tracer == Tracer::FarSides)), (1, steps)];
         let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, BINDINGS, STRUCTS, &constants)?;
-        let mut panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, 1)?;
+        let needs = Needs { color_levels: 1, geometry: Ok(()), boxes: Ok(()), lights: Err(Part::LightTable) };
+        let mut panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, needs)?;
         if tracer == Tracer::FarSides {
             panorama = panorama.with_far_sides(gpu)?;
         }

@@ -112,6 +112,11 @@ impl Placement {
         }
     }
 
+    /// Does it ever change?
+    pub fn is_constant(&self) -> bool {
+        self.translation.is_constant() && self.rotation.is_constant() && self.scale.is_constant()
+    }
+
     /// The placement at `time` seconds.
     pub fn at(&self, time: f64) -> Transform {
         Transform {

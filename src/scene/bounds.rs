@@ -50,12 +50,26 @@ impl Bounds {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
+    /// Larger by so much on all sides.
+    pub fn grown(&self, margin: f32) -> Self {
+        Self { min: self.min - margin, max: self.max + margin }
+    }
+
+    /// Do they share a point, borders included?
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && self.max.cmpge(other.min).all()
+    }
+
+    /// Its eight corners.
+    pub fn corners(&self) -> [Vec3; 8] {
+        std::array::from_fn(|i| {
+            let pick = |bit: usize, low: f32, high: f32| if i & bit == 0 { low } else { high };
+            Vec3::new(pick(1, self.min.x, self.max.x), pick(2, self.min.y, self.max.y), pick(4, self.min.z, self.max.z))
+        })
+    }
+
     /// The box around the transformed corners.
     pub fn transformed(&self, matrix: &Affine3A) -> Self {
-        let corner = |i: u32| {
-            let pick = |bit: u32, low: f32, high: f32| if i & bit == 0 { low } else { high };
-            Vec3::new(pick(1, self.min.x, self.max.x), pick(2, self.min.y, self.max.y), pick(4, self.min.z, self.max.z))
-        };
-        Self::of((0..8).map(|i| matrix.transform_point3(corner(i))))
+        Self::of(self.corners().map(|corner| matrix.transform_point3(corner)))
     }
 }

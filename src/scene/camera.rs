@@ -47,6 +47,15 @@ impl CameraTrack {
         }
     }
 
+    /// Does nothing of it ever change?
+    pub fn is_constant(&self) -> bool {
+        let aim = match &self.aim {
+            Aim::LookAt(target) => target.is_constant(),
+            Aim::Angles { yaw, pitch } => yaw.is_constant() && pitch.is_constant(),
+        };
+        aim && self.position.is_constant() && self.fov_y_degrees.is_constant()
+    }
+
     /// The camera at `time` seconds.
     pub fn at(&self, time: f64) -> Camera {
         let position = self.position.at(time);

@@ -96,6 +96,19 @@ impl Scene {
         self.placed.iter().map(|placed| placed.instances.len()).sum()
     }
 
+    /// How many objects there are.
+    pub fn object_count(&self) -> usize {
+        self.placed.len()
+    }
+
+    /// The name of the first object that ever moves.
+    pub fn moving_object(&self) -> Option<&str> {
+        let moves = |placed: &&Placed| {
+            !placed.instances.is_empty() && (placed.clip.is_some() || !placed.placement.is_constant())
+        };
+        self.placed.iter().find(moves).map(|placed| placed.name.as_str())
+    }
+
     /// The name of the object that instance `id` belongs to.
     pub fn object_name(&self, id: u32) -> Option<&str> {
         let has = |placed: &&Placed| placed.instances.iter().any(|(_, _, instance)| *instance == id);

@@ -2,6 +2,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
+#include "parts.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"
 layout(local_size_x = 64) in;

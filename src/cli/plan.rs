@@ -1,0 +1,35 @@
+//! `iprt plan`: which parts of the model a scene needs, and why.
+
+use super::common::PictureArgs;
+use crate::{Error, Result, image_file::write::write_bytes, plan::Plan};
+use std::path::PathBuf;
+
+/// Arguments of `iprt plan`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    pub picture: PictureArgs,
+    /// Write it as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// Examines, prints the table, writes the file.
+pub fn run(args: &Args) -> Result<()> {
+    if let Some(path) = &args.json {
+        super::render::require_folder(path)?;
+    }
+    // a built-in room is captured on the device
+    let gpu = args.picture.device.open()?;
+    let scene = args.picture.scene(&gpu)?;
+    let options = args.picture.options(&scene, false)?;
+    let plan = Plan::of(&scene, &options, None)?;
+    let [width, height] = plan.size;
+    super::print(&format!("{} at {width}×{height}, method {}", scene.name, options.method.name()))?;
+    super::print(plan.table()?.trim_end())?;
+    if let Some(path) = &args.json {
+        let bytes = serde_json::to_vec_pretty(&plan.json()?).map_err(|e| Error::Internal(e.to_string()))?;
+        write_bytes(path, &bytes)?;
+    }
+    args.picture.device.close(gpu)
+}

@@ -1,0 +1,185 @@
+//! What a plan costs: dispatches, device memory, code.
+
+use super::{By, Part, Plan};
+use crate::passes::{
+    panorama::{self, PyramidShape},
+    view::{self, Role},
+};
+use std::fmt::Write;
+
+/// What [`Plan::cost`] counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cost {
+    /// Dispatches of a frame that shows a new video frame.
+    pub dispatches: u32,
+    /// Bytes of images and lists, without what drivers round up to; the objects' own triangles and textures not counted.
+    pub bytes: u64,
+}
+
+/// What a part adds to a plan; negative where it saves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// Dispatches of a frame that shows a new video frame.
+    pub dispatches: i64,
+    /// Bytes.
+    pub bytes: i64,
+}
+
+/// A pass in a plan.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PassPlan {
+    /// The pass.
+    pub name: &'static str,
+    /// How often it is dispatched in a frame that shows a new video frame.
+    pub dispatches: u32,
+    /// Why it is not, where it is not.
+    pub off: Option<String>,
+}
+
+impl Plan {
+    /// All passes in frame order.
+    pub fn passes(&self) -> Vec<PassPlan> {
+        let on = |part| u32::from(self.on(part));
+        let lit = on(Part::Objects);
+        let filters = on(Part::Interpolate) + on(Part::Temporal) + self.settings.atrous_levels * on(Part::Atrous);
+        let boxes = PyramidShape::new(self.facts.depth_size).levels.len() as u32;
+        let geometry = [Part::Objects, Part::OffCentre];
+        let pass = |name, dispatches: u32, parts: &[Part]| {
+            let reasons: Vec<_> = parts.iter().filter(|part| !self.on(**part)).map(|part| self.reason(*part)).collect();
+            PassPlan { name, dispatches, off: (dispatches == 0).then(|| reasons.join("; ")) }
+        };
+        vec![
+            pass("radiance_pyramid", self.color_levels() - 1, &[Part::RadiancePyramid]),
+            pass("normals", 2 * u32::from(self.geometry()), &geometry),
+            pass(
+                "depth_pyramid",
+                boxes * u32::from(self.boxes()),
+                if self.on(Part::Objects) { &[Part::RealTracer, Part::OffCentre] } else { &geometry },
+            ),
+            pass("light_table", 2 * on(Part::LightTable), &[Part::LightTable]),
+            pass("relight", self.settings.relight_levels * on(Part::Relight) * (3 + filters), &[Part::Relight]),
+            pass("gbuffer", 1 + on(Part::VirtualSurfaces), &[]),
+            pass("sampling_mask", lit, &[Part::Objects]),
+            pass("irradiance", lit + on(Part::VirtualSurfaces), &[Part::Objects]),
+            pass("interpolate", on(Part::Interpolate), &[Part::Interpolate]),
+            pass("temporal", on(Part::Temporal), &[Part::Temporal]),
+            pass("atrous", self.settings.atrous_levels * on(Part::Atrous), &[Part::Atrous]),
+            pass("composite", 1, &[]),
+        ]
+    }
+
+    /// Dispatches and memory.
+    pub fn cost(&self) -> Cost {
+        let width = self.settings.relight_width;
+        let relight = view::bytes(self, Role::Relight, [width, width.div_ceil(2)]);
+        let relight = relight * u64::from(self.settings.relight_levels) * u64::from(self.on(Part::Relight));
+        Cost {
+            dispatches: self.passes().iter().map(|pass| pass.dispatches).sum(),
+            bytes: view::bytes(self, Role::Picture, self.size) + relight + panorama::bytes(self),
+        }
+    }
+
+    /// Parts whose code is compiled into passes that run in any case.
+    pub fn code(&self) -> Vec<Part> {
+        let compiled = [
+            Part::VirtualSurfaces,
+            Part::OffCentre,
+            Part::RadiancePyramid,
+            Part::RealTracer,
+            Part::LightTable,
+            Part::Specular,
+            Part::Emission,
+            Part::Textures,
+            Part::Bounces,
+            Part::Motion,
+        ];
+        compiled.into_iter().filter(|part| self.on(*part)).collect()
+    }
+
+    /// The plan in a line: what is on, and how many parts the scene does without.
+    pub fn summary(&self) -> String {
+        let off: Vec<_> =
+            self.parts.iter().filter(|d| !d.on && !matches!(d.by, By::Need(_))).map(|d| d.part.name()).collect();
+        let on = self.parts.iter().filter(|d| d.on).count();
+        let off = if off.is_empty() { "none left out".to_owned() } else { format!("without {}", off.join(", ")) };
+        let Cost { dispatches, bytes } = self.cost();
+        format!(
+            "plan: {on} of {} parts ({off}); {dispatches} dispatches, {}",
+            self.parts.len(),
+            mebibytes(bytes as f64)
+        )
+    }
+
+    /// What each part costs: against the same plan with it forced off, or, where it is off, what it would cost forced on.
+    ///
+    /// # Errors
+    /// None but a fault in the table of parts.
+    pub fn costs(&self) -> crate::Result<Vec<Difference>> {
+        let own = self.cost();
+        let difference = |decision| {
+            let other = self.flipped(decision)?.cost();
+            let (with, without) = if decision.on { (own, other) } else { (other, own) };
+            Ok(Difference {
+                dispatches: i64::from(with.dispatches) - i64::from(without.dispatches),
+                bytes: with.bytes as i64 - without.bytes as i64,
+            })
+        };
+        self.parts.iter().map(difference).collect()
+    }
+
+    /// For people: each part on or off, what it costs, and why.
+    ///
+    /// # Errors
+    /// As [`Plan::costs`].
+    pub fn table(&self) -> crate::Result<String> {
+        let mut out = format!("{:<18}{:<5}{:>12}{:>12}  {}\n", "part", "", "memory", "dispatches", "why");
+        for (decision, cost) in self.parts.iter().zip(self.costs()?) {
+            let (name, on) = (decision.part.name(), if decision.on { "on" } else { "off" });
+            let memory = mebibytes(cost.bytes as f64);
+            let _ = writeln!(out, "{name:<18}{on:<5}{memory:>12}{:>12}  {}", cost.dispatches, decision.why);
+        }
+        let _ = write!(out, "{}", self.summary());
+        Ok(out)
+    }
+
+    /// The same for programs.
+    ///
+    /// # Errors
+    /// As [`Plan::costs`].
+    pub fn json(&self) -> crate::Result<serde_json::Value> {
+        let part = |(decision, cost): (&super::Decision, Difference)| {
+            serde_json::json!({
+                "name": decision.part.name(),
+                "on": decision.on,
+                "by": match decision.by {
+                    By::Scene => "scene",
+                    By::Method => "method",
+                    By::Need(_) => "need",
+                    By::Set => "set",
+                },
+                "why": decision.why,
+                "setting": decision.part.setting(),
+                "bytes": cost.bytes,
+                "dispatches": cost.dispatches,
+            })
+        };
+        let Cost { dispatches, bytes } = self.cost();
+        let passes: Vec<_> = self
+            .passes()
+            .iter()
+            .map(|pass| serde_json::json!({ "name": pass.name, "dispatches": pass.dispatches, "off": pass.off }))
+            .collect();
+        Ok(serde_json::json!({
+            "method": self.method.name(),
+            "size": self.size,
+            "parts": self.parts.iter().zip(self.costs()?).map(part).collect::<Vec<_>>(),
+            "passes": passes,
+            "dispatches": dispatches,
+            "bytes": bytes,
+        }))
+    }
+}
+
+fn mebibytes(bytes: f64) -> String {
+    format!("{:.1} MiB", bytes / f64::from(1 << 20))
+}

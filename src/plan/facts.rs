@@ -1,0 +1,252 @@
+//! What a plan must know of a scene.
+
+use super::convex;
+use crate::{
+    Result,
+    panorama::{mapping::texel_direction, source::PanoramaFrame},
+    passes::{
+        light_table::CELLS,
+        view::{Projection, Viewpoint},
+    },
+    renderer::RenderOptions,
+    scene::{Scene, bounds::Bounds, packed},
+};
+use glam::{Quat, Vec3};
+use std::f64::consts::{PI, TAU};
+
+/// Where the camera is over all its key frames; the largest distance from the capture point, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CameraPlace {
+    /// At the capture point.
+    Centre,
+    /// Never there.
+    Away(f32),
+    /// There at some time, perhaps.
+    Both(f32),
+}
+
+/// The least share of light above the mean at which `light_table.comp` draws lights, less what rounding may make of it.
+pub const EVEN: f64 = 0.05 - 1e-4;
+
+/// See the module. What is not known for certain counts as needed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facts {
+    /// Width and height of the panorama's radiance, texels.
+    pub color_size: [u32; 2],
+    /// Of its depth.
+    pub depth_size: [u32; 2],
+    /// Frames of the panorama.
+    pub video_frames: usize,
+    /// How many frames will be rendered from one history, where that is known.
+    pub frames: Option<u32>,
+    /// A depth that is no hole.
+    pub has_depth: bool,
+    /// The share of the panorama's light that is above its mean, where it does not change.
+    pub light_share: Option<f64>,
+    /// Rows of the panorama that a pixel spans at the widest angle of the camera.
+    pub footprint: f32,
+    /// Over the whole time.
+    pub camera: CameraPlace,
+    /// Placed meshes.
+    pub instances: usize,
+    /// What moves.
+    pub moving: Option<String>,
+    /// Whether an object can be in the picture.
+    pub in_view: bool,
+    /// What has a GGX lobe.
+    pub specular: Option<String>,
+    /// What shines.
+    pub emissive: Option<String>,
+    /// What has a texture.
+    pub textured: Option<String>,
+    /// Whether a ray that has left a virtual surface can meet none again: `Ok`, or why it may.
+    pub alone: std::result::Result<(), String>,
+}
+
+impl Facts {
+    /// Examines a scene; loads the panorama's first frame.
+    ///
+    /// # Errors
+    /// A panorama that cannot be read.
+    pub fn of(scene: &Scene, options: &RenderOptions, frames: Option<u32>) -> Result<Self> {
+        let first = scene.panorama.load(0)?;
+        let still = scene.panorama.frame_count() == 1;
+        let instances = if options.without_objects { 0 } else { scene.instance_count() };
+        let fov = scene.camera.fov_y_degrees.keys().map(|(_, fov)| fov).fold(0.0, f32::max);
+        let widest = match options.projection {
+            Projection::Perspective => Viewpoint::perspective(Vec3::ZERO, Quat::IDENTITY, fov, options.size),
+            Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, Quat::IDENTITY),
+        };
+        let moving = scene.moving_object().filter(|_| instances > 0).map(|name| format!("{name} moves"));
+        let materials = |has: &dyn Fn(&packed::Material) -> bool| {
+            let all = &scene.packed.materials;
+            let some = all.iter().filter(|material| has(material)).count();
+            (some > 0 && instances > 0).then(|| format!("{some} of {} materials", all.len()))
+        };
+        Ok(Self {
+            color_size: first.color_size,
+            depth_size: first.depth_size,
+            video_frames: scene.panorama.frame_count(),
+            frames,
+            has_depth: !still || first.depth.iter().any(|depth| *depth > 0.0),
+            light_share: still.then(|| light_share(&first)),
+            footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
+            camera: camera_place(scene),
+            instances,
+            in_view: instances > 0 && in_view(scene, options, moving.is_some()),
+            specular: materials(&|m| m.specular != 0.0 || m.metallic != 0.0),
+            emissive: materials(&|m| m.emissive != Vec3::ZERO),
+            textured: materials(&|m| {
+                [
+                    m.base_color_texture,
+                    m.metallic_roughness_texture,
+                    m.normal_texture,
+                    m.emissive_texture,
+                    m.specular_texture,
+                    m.specular_color_texture,
+                ]
+                .iter()
+                .any(|texture| *texture != packed::NONE)
+            }),
+            alone: if instances == 0 { Ok(()) } else { alone(scene, &first, still && moving.is_none()) },
+            moving,
+        })
+    }
+}
+
+fn camera_place(scene: &Scene) -> CameraPlace {
+    let place = |position| Viewpoint::equirect(position - scene.panorama.position, Quat::IDENTITY);
+    let places: Vec<_> = scene.camera.position.keys().map(|(_, position)| place(position)).collect();
+    let most = places.iter().map(|place| place.position.length()).fold(0.0, f32::max);
+    match (places.iter().all(Viewpoint::centred), places.len()) {
+        (true, _) => CameraPlace::Centre,
+        (false, 1) => CameraPlace::Away(most),
+        (false, _) => CameraPlace::Both(most), // it may come by on its way
+    }
+}
+
+/// Whether an object may be in the picture. It is not where neither camera nor objects move and each object's box is
+/// on the far side of one plane of the view, which is a pixel wider than the picture.
+fn in_view(scene: &Scene, options: &RenderOptions, objects_move: bool) -> bool {
+    if options.projection == Projection::Equirect || objects_move || !scene.camera.is_constant() {
+        return true;
+    }
+    let camera = scene.camera.at(0.0);
+    let [width, height] = options.size.map(|n| n as f32);
+    let tan_y = (0.5 * camera.fov_y_degrees.to_radians()).tan();
+    let pixel = 2.0 * tan_y / height;
+    let (x, y) = (tan_y * width / height + 2.0 * pixel, tan_y + 2.0 * pixel);
+    // inward normals of the four sides, and of what is ahead
+    let sides = [
+        Vec3::new(-1.0, 0.0, -x),
+        Vec3::new(1.0, 0.0, -x),
+        Vec3::new(0.0, -1.0, -y),
+        Vec3::new(0.0, 1.0, -y),
+        Vec3::NEG_Z,
+    ];
+    (0..scene.object_count()).any(|index| {
+        let bounds = scene.object_bounds(index, 0.0);
+        let corners = bounds.corners().map(|corner| camera.rotation.inverse() * (corner - camera.position));
+        !bounds.is_empty() && sides.iter().all(|side| corners.iter().any(|corner| side.dot(*corner) > -1e-4))
+    })
+}
+
+/// One convex object that nothing real comes near and whose inside no camera sees: a ray that leaves it meets no object again.
+fn alone(scene: &Scene, first: &PanoramaFrame, still: bool) -> std::result::Result<(), String> {
+    if scene.instance_count() != 1 {
+        return Err("objects may see each other".to_owned());
+    }
+    if !still {
+        return Err("the object may come to where something is inside it".to_owned());
+    }
+    // half of what rays start above a virtual surface, in the object's own units
+    let rows =
+        scene.at(0.0, 0.0).instances.instances.first().map_or([[0.0; 4]; 3], |instance| instance.object_to_world);
+    let scale = rows.iter().flat_map(|row| &row[..3]).map(|v| f64::from(v * v)).sum::<f64>().sqrt();
+    if !convex::is_convex(&scene.packed.triangles, 5e-5 / scale.max(1e-12)) {
+        return Err("the object is not convex and closed, so it may see itself".to_owned());
+    }
+    let bounds = (0..scene.object_count()).map(|i| scene.object_bounds(i, 0.0)).fold(Bounds::EMPTY, Bounds::union);
+    let path = Bounds::of(scene.camera.position.keys().map(|(_, position)| position));
+    if bounds.overlaps(&path.grown(1e-3)) {
+        return Err("the camera may be in the object".to_owned());
+    }
+    if touches_surface(scene, first, bounds) {
+        return Err("something real may be in the object".to_owned());
+    }
+    Ok(())
+}
+
+/// Whether a quad of the real surface, or where its rays start, may be in a box. A pole's fan counts as a quad of its row's.
+fn touches_surface(scene: &Scene, frame: &PanoramaFrame, bounds: Bounds) -> bool {
+    let [width, height] = frame.depth_size;
+    let turn = Quat::from_rotation_y(scene.panorama.yaw_degrees.to_radians());
+    let point = |x: u32, y: u32| {
+        let depth = frame.depth[(y * width + x % width) as usize];
+        (depth > 0.0).then(|| turn * texel_direction(x % width, y, frame.depth_size).as_vec3() * depth)
+    };
+    let overlaps = |points: &[Vec3]| {
+        let farthest = points.iter().map(|p| p.length()).fold(0.0, f32::max);
+        // rays start 0.2 % of their distance off the surface; depth moves on its plane by less than that again, or its codes' step
+        let around = Bounds::of(points.iter().map(|p| *p + scene.panorama.position)).grown(0.01 * farthest + 1e-3);
+        !points.is_empty() && around.overlaps(&bounds)
+    };
+    let quads = (0..height.saturating_sub(1)).any(|y| {
+        (0..width).any(|x| {
+            let corners = [point(x, y), point(x + 1, y), point(x, y + 1), point(x + 1, y + 1)];
+            overlaps(&corners.into_iter().flatten().collect::<Vec<_>>())
+        })
+    });
+    let poles =
+        [0, height - 1].into_iter().any(|y| overlaps(&(0..width).filter_map(|x| point(x, y)).collect::<Vec<_>>()));
+    quads || poles
+}
+
+/// As `light_cells.comp` and `light_table.comp` reckon it: the share of all light that is above the mean.
+fn light_share(frame: &PanoramaFrame) -> f64 {
+    let [width, height] = frame.color_size;
+    let luminance = |t: &[f32; 4]| 0.2126 * f64::from(t[0]) + 0.7152 * f64::from(t[1]) + 0.0722 * f64::from(t[2]);
+    let range = |cell: u32, size: u32, cells: u32| {
+        let (from, to) = (cell * size / cells, (cell + 1) * size / cells);
+        from..to.max(from + 1)
+    };
+    let mut cells = Vec::with_capacity((CELLS[0] * CELLS[1]) as usize);
+    for row in 0..CELLS[1] {
+        let edge = |row: u32| (PI * f64::from(row) / f64::from(CELLS[1])).cos();
+        let solid_angle = (edge(row) - edge(row + 1)) * TAU / f64::from(CELLS[0]);
+        for column in 0..CELLS[0] {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for y in range(row, height, CELLS[1]) {
+                for x in range(column, width, CELLS[0]) {
+                    sum += luminance(&frame.radiance[(y * width + x) as usize]);
+                    count += 1.0;
+                }
+            }
+            cells.push((solid_angle, sum / count));
+        }
+    }
+    let total: f64 = cells.iter().map(|(solid_angle, l)| solid_angle * l).sum();
+    let mean = total / (4.0 * PI);
+    let above: f64 = cells.iter().map(|(solid_angle, l)| solid_angle * (l - mean).max(0.0)).sum();
+    if total > 0.0 { above / total } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn panorama(radiance: impl Fn(u32) -> f32) -> PanoramaFrame {
+        let size = [64, 32];
+        let texels = (0..size[0] * size[1]).map(|i| [radiance(i), radiance(i), radiance(i), 1.0]).collect();
+        PanoramaFrame { color_size: size, radiance: texels, ..Default::default() }
+    }
+
+    #[test]
+    fn even_panoramas_have_no_lights() {
+        assert_eq!(light_share(&panorama(|_| 0.0)), 0.0);
+        assert!(light_share(&panorama(|_| 3.0)) < 1e-9);
+        // half of the sphere twice as bright: a sixth of all light is above the mean, 1.5
+        let share = light_share(&panorama(|i| if i < 32 * 32 { 2.0 } else { 1.0 }));
+        assert!((share - 1.0 / 6.0).abs() < 1e-6, "{share}");
+    }
+}

@@ -1,0 +1,436 @@
+//! Which parts of the model a scene needs: decided before the first frame, from what the scene holds and from the settings.
+//!
+//! A part that the scene cannot show is not dispatched, not compiled in and not allocated; whoever builds something asks
+//! [`Plan::on`]. A part is left out only where that cannot change the picture, whatever the random numbers: the criterion of each
+//! is in [`Facts`] and in `decide`. What a user sets wins.
+
+pub mod convex;
+pub mod cost;
+pub mod facts;
+
+pub use cost::{Cost, PassPlan};
+pub use facts::{CameraPlace, Facts};
+
+use crate::{
+    Result,
+    renderer::RenderOptions,
+    scene::Scene,
+    settings::{Directions, MaskBy, Method, RealTracer, Settings, VirtualTracer},
+};
+
+/// A part of the model, in the order of the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Virtual objects, and with them all lighting.
+    Objects,
+    /// Virtual surfaces in the picture itself.
+    VirtualSurfaces,
+    /// Primary rays traced through the panorama.
+    OffCentre,
+    /// A panorama that changes.
+    Video,
+    /// Mip levels of the panorama.
+    RadiancePyramid,
+    /// Rays that meet real surfaces where they stand.
+    RealTracer,
+    /// The panorama's lamps as something to draw directions from.
+    LightTable,
+    /// Relit real surfaces, seen by rays.
+    Relight,
+    /// The GGX lobe.
+    Specular,
+    /// Virtual surfaces that shine.
+    Emission,
+    /// Textures of virtual surfaces.
+    Textures,
+    /// Paths from one virtual surface to another.
+    Bounces,
+    /// Accumulation over frames.
+    Temporal,
+    /// Object motion vectors, short histories, clamping.
+    Motion,
+    /// Tracing a share of the pixels.
+    SamplingMask,
+    /// Filling the others.
+    Interpolate,
+    /// The edge-avoiding filter.
+    Atrous,
+}
+
+impl Part {
+    /// All.
+    pub const ALL: [Self; 17] = [
+        Self::Objects,
+        Self::VirtualSurfaces,
+        Self::OffCentre,
+        Self::Video,
+        Self::RadiancePyramid,
+        Self::RealTracer,
+        Self::LightTable,
+        Self::Relight,
+        Self::Specular,
+        Self::Emission,
+        Self::Textures,
+        Self::Bounces,
+        Self::Temporal,
+        Self::Motion,
+        Self::SamplingMask,
+        Self::Interpolate,
+        Self::Atrous,
+    ];
+
+    /// Its name, and the setting that forces it on or off.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LightTable => "light_table",
+            Self::Relight => "relight",
+            Self::Atrous => "atrous",
+            _ => self.setting(),
+        }
+    }
+
+    /// The key of `--set` that forces it.
+    pub fn setting(self) -> &'static str {
+        match self {
+            Self::Objects => "objects",
+            Self::VirtualSurfaces => "virtual_surfaces",
+            Self::OffCentre => "off_centre",
+            Self::Video => "video",
+            Self::RadiancePyramid => "radiance_pyramid",
+            Self::RealTracer => "real_tracer",
+            Self::LightTable => "directions",
+            Self::Relight => "relight_levels",
+            Self::Specular => "specular",
+            Self::Emission => "emission",
+            Self::Textures => "textures",
+            Self::Bounces => "bounces",
+            Self::Temporal => "temporal",
+            Self::Motion => "motion",
+            Self::SamplingMask => "sampling_mask",
+            Self::Interpolate => "interpolate",
+            Self::Atrous => "atrous_levels",
+        }
+    }
+
+    /// The part without which it has no meaning.
+    pub fn needs(self) -> Option<Self> {
+        match self {
+            Self::Objects | Self::OffCentre | Self::Video | Self::RadiancePyramid => None,
+            Self::Motion => Some(Self::Temporal),
+            Self::Interpolate => Some(Self::SamplingMask),
+            _ => Some(Self::Objects),
+        }
+    }
+
+    /// The value of its setting by which it is off.
+    pub fn value_off(self) -> &'static str {
+        match self {
+            Self::RealTracer => "direction",
+            Self::LightTable => "brdf",
+            Self::Relight | Self::Atrous => "0",
+            Self::Bounces => "1",
+            Self::Temporal | Self::SamplingMask | Self::Interpolate => "false",
+            _ => "off",
+        }
+    }
+
+    /// The value by which it is on: the method's own, or, where that leaves it out, that of `iprt`.
+    pub fn value_on(self, method: Method) -> String {
+        match self {
+            Self::RealTracer
+            | Self::LightTable
+            | Self::Relight
+            | Self::Atrous
+            | Self::Bounces
+            | Self::Temporal
+            | Self::SamplingMask
+            | Self::Interpolate => {
+                let of = |method| Settings::of(method).value(self.setting()).unwrap_or_default();
+                Some(of(method)).filter(|value| value != self.value_off()).unwrap_or_else(|| of(Method::Iprt))
+            }
+            _ => "on".to_owned(),
+        }
+    }
+
+    /// What to set, so that it is on or off whatever the scene holds.
+    pub fn forced(self, on: bool, method: Method) -> Vec<(&'static str, String)> {
+        if !on {
+            return vec![(self.setting(), self.value_off().to_owned())];
+        }
+        let mut set = self.needs().map_or(Vec::new(), |other| other.forced(true, method));
+        set.push((self.setting(), self.value_on(method)));
+        set
+    }
+}
+
+/// Who decided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum By {
+    /// The scene needs it, or cannot show it.
+    Scene,
+    /// The method's own settings leave it out.
+    Method,
+    /// The part that it needs is off.
+    Need(Part),
+    /// It was set.
+    Set,
+}
+
+/// What was decided on a part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decision {
+    /// The part.
+    pub part: Part,
+    /// Whether it is there.
+    pub on: bool,
+    /// Who decided.
+    pub by: By,
+    /// Why, in a few words.
+    pub why: String,
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// A decision on each part, in the order of [`Part::ALL`].
+    pub parts: Vec<Decision>,
+    /// The settings that the frame runs by: as given, parts left out being at the value by which they are off.
+    pub settings: Settings,
+    /// What the scene holds.
+    pub facts: Facts,
+    /// Width and height of the picture, pixels.
+    pub size: [u32; 2],
+    method: Method,
+    asked: Settings,
+}
+
+/// Plans are the same if the same renderer serves both; why does not count.
+impl PartialEq for Plan {
+    fn eq(&self, other: &Self) -> bool {
+        let key = |plan: &Self| {
+            let on: Vec<bool> = plan.parts.iter().map(|part| part.on).collect();
+            (on, plan.size, plan.looks_up(), plan.color_levels(), plan.facts.color_size, plan.facts.depth_size)
+        };
+        key(self) == key(other)
+            && self.settings.values() == other.settings.values()
+            && self.facts.instances == other.facts.instances
+    }
+}
+
+impl Plan {
+    /// Examines a scene. `frames`: how many will be rendered from one history, where that is known. Loads the panorama's first frame.
+    ///
+    /// # Errors
+    /// A panorama that cannot be read.
+    pub fn of(scene: &Scene, options: &RenderOptions, frames: Option<u32>) -> Result<Self> {
+        Ok(Self::decide(Facts::of(scene, options, frames)?, options.size, options.method, &options.settings))
+    }
+
+    /// The same scene by other settings.
+    pub fn with(&self, settings: &Settings) -> Self {
+        Self::decide(self.facts.clone(), self.size, self.method, settings)
+    }
+
+    fn decide(facts: Facts, size: [u32; 2], method: Method, settings: &Settings) -> Self {
+        let (asked, settings) = (settings.clone(), settings.clone());
+        let mut plan = Self { parts: Vec::with_capacity(Part::ALL.len()), settings, facts, size, method, asked };
+        for part in Part::ALL {
+            let decision = plan.decision(part);
+            plan.apply(&decision);
+            plan.parts.push(decision);
+        }
+        plan
+    }
+
+    fn decision(&self, part: Part) -> Decision {
+        let settings = &self.asked;
+        let decided = |on, by, why: String| Decision { part, on, by, why };
+        if let Some(other) = part.needs().filter(|other| !self.on(*other)) {
+            return decided(false, By::Need(other), format!("{} is off", other.name()));
+        }
+        let value = settings.value(part.setting()).unwrap_or_default();
+        let off = value == part.value_off();
+        if settings.given.contains(&part.setting()) && value != AUTO {
+            return decided(!off, By::Set, format!("{} = {value} was set", part.setting()));
+        }
+        if off {
+            return decided(
+                false,
+                By::Method,
+                format!("{} = {value} with method {}", part.setting(), self.method.name()),
+            );
+        }
+        let (on, why) = self.needed(part);
+        decided(on, By::Scene, why)
+    }
+
+    /// Whether the scene can show a part, and why or why not. Parts before it are decided.
+    fn needed(&self, part: Part) -> (bool, String) {
+        let (facts, settings) = (&self.facts, &self.settings);
+        let found =
+            |what: &Option<String>, none: &str| (what.is_some(), what.clone().unwrap_or_else(|| none.to_owned()));
+        let screen = settings.virtual_tracer == VirtualTracer::Screen;
+        let because = |on, yes: &str, no: &str| (on, if on { yes } else { no }.to_owned());
+        match part {
+            Part::Objects => {
+                (facts.instances > 0, format!("{} inserted", count(facts.instances, "mesh is", "meshes are")))
+            }
+            Part::VirtualSurfaces if screen => (true, "rays walk the picture (virtual_tracer = screen)".to_owned()),
+            Part::VirtualSurfaces => because(facts.in_view, "objects may be in view", "no object is ever in view"),
+            Part::OffCentre if !facts.has_depth => (false, "the panorama is infinitely far".to_owned()),
+            Part::OffCentre => match facts.camera {
+                CameraPlace::Centre => (false, "the camera stays at the capture point".to_owned()),
+                CameraPlace::Away(most) => (true, format!("the camera is up to {most:.2} m from the capture point")),
+                CameraPlace::Both(most) => (true, format!("the camera comes up to {most:.2} m from the capture point")),
+            },
+            Part::Video => {
+                (facts.video_frames > 1, format!("the panorama has {}", count(facts.video_frames, "frame", "frames")))
+            }
+            Part::RadiancePyramid => {
+                let on = facts.footprint > 1.0;
+                (on, format!("a pixel spans {:.2} texels of the panorama", facts.footprint))
+            }
+            Part::RealTracer => because(
+                facts.has_depth,
+                "the panorama has depth",
+                "the panorama is infinitely far: its depth is all holes",
+            ),
+            Part::LightTable if settings.directions == Directions::Light => (true, "all rays draw from it".to_owned()),
+            Part::LightTable => match facts.light_share {
+                Some(share) => {
+                    (share >= facts::EVEN, format!("{:.1} % of the panorama's light is above its mean", 100.0 * share))
+                }
+                None => (true, "the panorama changes".to_owned()),
+            },
+            Part::Relight => {
+                because(facts.has_depth, "real surfaces see each other", "no real surface, as there is no depth")
+            }
+            Part::Specular => found(&facts.specular, "all materials are pure Lambert"),
+            Part::Emission => found(&facts.emissive, "nothing shines"),
+            Part::Textures => found(&facts.textured, "no material has a texture"),
+            Part::Bounces if screen => (true, "what rays meet is a guess (virtual_tracer = screen)".to_owned()),
+            Part::Bounces => (
+                facts.alone.is_err(),
+                match &facts.alone {
+                    Ok(()) => "one convex object, free of everything: what leaves it meets it nowhere".to_owned(),
+                    Err(why) => why.clone(),
+                },
+            ),
+            Part::Temporal if self.on(Part::Relight) && settings.relight_warmup > 0 => {
+                (true, "the relit maps are accumulated first".to_owned())
+            }
+            Part::Temporal => (
+                facts.frames != Some(1),
+                facts.frames.map_or("frames follow each other".to_owned(), |n| count(n as usize, "frame", "frames")),
+            ),
+            Part::Motion if facts.video_frames > 1 && self.on(Part::Video) => (true, "the video changes".to_owned()),
+            Part::Motion => found(&facts.moving, "nothing but the camera moves"),
+            // without history all pixels are newly seen
+            Part::SamplingMask if !settings.temporal && settings.short_history > 0 => {
+                (false, "there is no history, so every pixel is newly seen and traced".to_owned())
+            }
+            Part::SamplingMask if settings.mask_by == MaskBy::History && settings.rays_per_pixel >= 1.0 => {
+                (false, format!("rays_per_pixel = {}", settings.rays_per_pixel))
+            }
+            Part::SamplingMask => (true, "a share of the pixels is traced each frame".to_owned()),
+            Part::Interpolate => (true, "pixels are left untraced".to_owned()),
+            Part::Atrous => (true, format!("{}", count(settings.atrous_levels as usize, "level", "levels"))),
+        }
+    }
+
+    /// Parts that are off leave their mark on the settings.
+    fn apply(&mut self, decision: &Decision) {
+        if decision.on {
+            return;
+        }
+        let settings = &mut self.settings;
+        match decision.part {
+            Part::RealTracer => settings.real_tracer = RealTracer::Direction,
+            Part::LightTable => settings.directions = Directions::Brdf,
+            Part::Relight => settings.relight_levels = 0,
+            Part::Bounces => settings.bounces = 1,
+            Part::Temporal => settings.temporal = false,
+            Part::SamplingMask => settings.sampling_mask = false,
+            Part::Interpolate => settings.interpolate = false,
+            Part::Atrous => settings.atrous_levels = 0,
+            _ => {}
+        }
+    }
+
+    /// Whether a part is there.
+    pub fn on(&self, part: Part) -> bool {
+        self.parts.iter().any(|decision| decision.part == part && decision.on)
+    }
+
+    /// What was decided on a part, for people: `specular is off: all materials are pure Lambert`.
+    pub fn reason(&self, part: Part) -> String {
+        let decision = self.parts.iter().find(|decision| decision.part == part);
+        decision.map_or(String::new(), |d| {
+            let root = match d.by {
+                By::Need(other) => return self.reason(other),
+                _ => {
+                    if d.on {
+                        "on"
+                    } else {
+                        "off"
+                    }
+                }
+            };
+            format!("{} is {root}: {}", part.name(), d.why)
+        })
+    }
+
+    /// The plan with one part forced the other way.
+    pub fn flipped(&self, decision: &Decision) -> Result<Self> {
+        let mut settings = self.asked.clone();
+        for (name, value) in decision.part.forced(!decision.on, self.method) {
+            settings.set(name, &value, "plan")?;
+        }
+        Ok(self.with(&settings))
+    }
+
+    /// The value of a part's specialization constant, by the id that `parts.glsl` gives it.
+    pub fn constant(&self, part: Part) -> (u32, u32) {
+        let id = match part {
+            Part::VirtualSurfaces => 16,
+            Part::Specular => 17,
+            Part::Emission => 18,
+            Part::Textures => 19,
+            Part::Objects => 20,
+            Part::Motion => 21,
+            Part::Bounces => 22,
+            _ => u32::MAX, // no shader has it, and the pipeline's check says so
+        };
+        (id, u32::from(self.on(part)))
+    }
+
+    /// Whether primary rays ever look real surfaces up: the camera is at the capture point at some time, or taken to be.
+    pub fn looks_up(&self) -> bool {
+        !(self.on(Part::OffCentre) && matches!(self.facts.camera, CameraPlace::Away(_)))
+    }
+
+    /// Mip levels of the panorama's radiance.
+    pub fn color_levels(&self) -> u32 {
+        let [width, height] = self.facts.color_size;
+        let deepest = 32 - width.max(height).leading_zeros();
+        let levels = 1 + self.facts.footprint.log2().ceil().max(0.0) as u32;
+        if self.on(Part::RadiancePyramid) { levels.max(2).min(deepest) } else { 1 }
+    }
+
+    /// Whether anything needs real surfaces: their normals, and depth off its steps.
+    pub fn geometry(&self) -> bool {
+        self.on(Part::Objects) || self.on(Part::OffCentre)
+    }
+
+    /// Whether rays walk the pyramid of boxes.
+    pub fn boxes(&self) -> bool {
+        self.on(Part::OffCentre) || (self.on(Part::Objects) && self.settings.real_tracer == RealTracer::Surface)
+    }
+}
+
+/// A setting of this value leaves the decision to the plan.
+const AUTO: &str = "auto";
+
+fn count(n: usize, one: &str, many: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { many })
+}

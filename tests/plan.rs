@@ -1,0 +1,284 @@
+//! The plan: what it leaves out cannot be seen and would cost something; what it keeps is seen where it is missing. For each of its
+//! parts, in the built-in rooms and in scenes made for it.
+
+mod common;
+
+use common::*;
+use glam::{Vec3, vec3};
+use iprt::{
+    gpu::{Gpu, Timings},
+    image_file::write::display_code,
+    measure::{
+        metrics::{Picture, flip_map},
+        regions::regions,
+    },
+    panorama::source::{PanoramaFrame, PanoramaSource},
+    plan::{By, Part, Plan},
+    reference::capture::{CaptureSettings, room_frames},
+    renderer::{RenderOptions, Renderer},
+    scene::{
+        Scene,
+        file::RenderSettings,
+        rooms::{NAMES, Video, by_name},
+    },
+    settings::Method,
+};
+
+/// FLIP of a region, and 99th percentile of its pixels' largest channel difference in 8-bit steps, at which a change is seen.
+const SEEN: (f64, u8) = (0.002, 2);
+
+struct Case {
+    name: &'static str,
+    scene: Scene,
+    options: RenderOptions,
+    times: Vec<f64>,
+    /// Whether the plan is told that there are no more frames than these.
+    told: bool,
+}
+
+/// A renderer after all frames of a case, with what its first frame dispatched.
+struct Rendered {
+    renderer: Renderer,
+    picture: Texels,
+    first: Timings,
+    bytes: u64,
+}
+
+impl Case {
+    fn new(name: &'static str, scene: Scene, times: &[f64]) -> Self {
+        let set = [("relight_width", "64")];
+        Self { name, scene, options: options(Method::Iprt, &set), times: times.to_vec(), told: false }
+    }
+
+    fn plan(&self) -> Plan {
+        let frames = self.told.then_some(self.times.len() as u32);
+        Plan::of(&self.scene, &self.options, frames).expect("a plan")
+    }
+
+    fn render(&self, gpu: &Gpu, plan: Plan) -> Rendered {
+        let before = gpu.device_bytes();
+        let mut renderer = Renderer::with_plan(gpu, &self.scene, self.options.clone(), plan).expect("fits");
+        let timings: Vec<_> =
+            self.times.iter().map(|time| renderer.render(&self.scene, *time).expect("renders")).collect();
+        let picture = aov(&renderer, "radiance");
+        Rendered { renderer, picture, first: timings[0].clone(), bytes: gpu.device_bytes() - before }
+    }
+}
+
+/// The regions of the metrics that hold any pixel: whole, virtual, influenced.
+fn regions_of(case: &Case, base: &Rendered, empty: &Rendered) -> Vec<Vec<bool>> {
+    let whole = vec![true; base.picture.len()];
+    let coverage = match base.renderer.plan().on(Part::VirtualSurfaces) {
+        true => aov(&base.renderer, "real_coverage").iter().map(|m| m[0]).collect(),
+        false => vec![1.0; base.picture.len()],
+    };
+    let found = regions(case.options.size, &base.picture, &empty.picture, &coverage);
+    [whole, found.virtual_, found.influenced].into_iter().filter(|mask| mask.contains(&true)).collect()
+}
+
+/// The largest FLIP over the regions, and their largest 99th percentile of pixels' differences, in 8-bit steps.
+fn change(size: [u32; 2], a: &Texels, b: &Texels, regions: &[Vec<bool>]) -> (f64, u8) {
+    let picture = |texels| Picture { subject: "test", size, texels };
+    let flip = flip_map(picture(a), picture(b), 1.0).expect("comparable");
+    let code = |texel: &[f32; 4]| [0, 1, 2].map(|c| display_code(texel[c]));
+    let (mut largest, mut steps) = (0.0f64, 0);
+    for mask in regions {
+        let inside: Vec<usize> = (0..mask.len()).filter(|i| mask[*i]).collect();
+        largest = largest.max(inside.iter().map(|i| f64::from(flip[*i])).sum::<f64>() / inside.len() as f64);
+        let difference = |i: &usize| (0..3).map(|c| code(&a[*i])[c].abs_diff(code(&b[*i])[c])).max().unwrap_or(0);
+        let mut differences: Vec<u8> = inside.iter().map(difference).collect();
+        differences.sort_unstable();
+        steps = steps.max(differences[(differences.len() - 1) * 99 / 100]);
+    }
+    (largest, steps)
+}
+
+/// Forces each part that the scene decides on the other way, and compares. Renderers are kept, so that pipelines are shared. Returns
+/// the parts found on and off.
+fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
+    let base = case.render(gpu, case.plan());
+    let plan = base.renderer.plan().clone();
+    println!("{}\n{}", case.name, plan.table().expect("a table"));
+    let mut off = plan.with(&plan.settings);
+    let objects = &plan.parts[0];
+    if objects.on {
+        off = plan.flipped(objects).expect("a setting");
+    }
+    let regions = regions_of(case, &base, &case.render(gpu, off));
+    let mut found = [vec![], vec![]];
+    for decision in plan.parts.iter().filter(|decision| decision.by == By::Scene) {
+        let (name, part) = (decision.part.name(), decision.part);
+        let other = case.render(gpu, plan.flipped(decision).expect("a setting"));
+        let (flip, steps) = change(case.options.size, &base.picture, &other.picture, &regions);
+        let dispatched = |r: &Rendered| r.first.entries.len();
+        let code = |r: &Rendered| r.renderer.plan().code().len();
+        println!(
+            "  {name} forced {}: FLIP {flip:.4}, {steps}/255, dispatches {} to {}, bytes {} to {}",
+            if decision.on { "off" } else { "on" },
+            dispatched(&base),
+            dispatched(&other),
+            base.bytes,
+            other.bytes
+        );
+        let case = case.name;
+        if decision.on {
+            assert!(flip > SEEN.0, "{case}: {name} is on, but nobody sees it missing: FLIP {flip}");
+            found[0].push(part);
+        } else {
+            assert!(flip <= SEEN.0 && steps <= SEEN.1, "{case}: {name} is off, but would be seen: {flip}, {steps}/255");
+            assert_eq!(other.renderer.plan().parts.iter().find(|d| d.part == part).map(|d| d.on), Some(true));
+            assert!(
+                dispatched(&other) >= dispatched(&base) && other.bytes >= base.bytes,
+                "{case}: {name} saves something"
+            );
+            let more = dispatched(&other) > dispatched(&base) || other.bytes > base.bytes || code(&other) > code(&base);
+            assert!(more, "{case}: {name} is off, but would cost nothing");
+            found[1].push(part);
+        }
+        kept.push(other.renderer);
+    }
+    kept.push(base.renderer);
+    found
+}
+
+#[test]
+fn in_the_built_in_rooms_the_plan_is_right() {
+    validated(|gpu| {
+        let mut kept = vec![];
+        for name in NAMES {
+            let mut room = by_name(name).expect("a built-in room");
+            let size = [128, 64];
+            room.video = room.video.map(|video| Video { size, ..video });
+            let settings = CaptureSettings { size, samples: 2, progress: false, ..Default::default() };
+            let frames = room_frames(gpu, &room, &settings, None).expect("captures");
+            let fps = room.video.map_or(30.0, |video| video.fps);
+            let panorama = PanoramaSource::from_frames(frames, fps, room.capture_position, 0.0).expect("frames");
+            let (camera, objects) = (room.camera.clone(), room.objects.clone());
+            let scene = Scene::assemble(name, panorama, camera, objects, RenderSettings::default()).expect("packs");
+            let mut case = Case::new(name, scene, &[0.0, 0.3, 0.6, 0.9]);
+            case.options.size = [96, 54];
+            let [on, off] = prove(gpu, &case, &mut kept);
+            assert!(on.len() >= 10 && !off.is_empty(), "{name}: {on:?} {off:?}");
+        }
+    });
+}
+
+/// A small room with a bright window, or of nearly even light.
+fn lit_room(window: f32) -> PanoramaFrame {
+    room([128, 64], vec3(4.0, 3.0, 5.0), Vec3::ZERO, |d| {
+        let lamp = d.dot(vec3(-0.5, 0.4, -0.8).normalize()) > 0.97;
+        (if lamp { window } else { 0.7 }) * Vec3::ONE + 0.03 * colourful(d)
+    })
+}
+
+#[test]
+fn in_scenes_made_for_it_the_plan_is_right() {
+    validated(|gpu| {
+        let look = camera(Vec3::ZERO, vec3(0.1, -0.8, -1.5), 50.0);
+        let hovering = vec3(0.1, -1.12, -1.4);
+        let still = [0.0; 4];
+        let mut kept = vec![];
+        let mut run = |case: Case, off: &[Part], on: &[Part]| {
+            let [is_on, is_off] = prove(gpu, &case, &mut kept);
+            for part in off {
+                assert!(is_off.contains(part), "{}: {part:?} is not off by the scene", case.name);
+            }
+            for part in on {
+                assert!(is_on.contains(part), "{}: {part:?} is not on by the scene", case.name);
+            }
+        };
+
+        let diffuse = || scene(lit_room(0.7), look.clone(), vec![ball(0.3, lambert(0.6), hovering)]);
+        let none = [Part::OffCentre, Part::Video, Part::RadiancePyramid, Part::Emission, Part::Textures, Part::Motion];
+        let of_diffuse = [&none[..], &[Part::LightTable, Part::Specular, Part::Bounces]].concat();
+        run(Case::new("one diffuse object", diffuse(), &still), &of_diffuse, &[Part::Relight, Part::RealTracer]);
+
+        let single = Case { told: true, ..Case::new("one diffuse object, one frame", diffuse(), &[0.0]) };
+        run(single, &[Part::Temporal, Part::SamplingMask], &[Part::Atrous]);
+
+        let mirror = object(iprt::scene::shapes::Shape::Box.mesh(vec3(0.4, 0.3, 0.02)), metal(0.0), hovering);
+        let away = camera(vec3(0.4, 0.1, 0.3), hovering, 40.0);
+        let mirror = scene(lit_room(30.0), away, vec![mirror]);
+        run(
+            Case::new("a small mirror, seen from elsewhere", mirror, &still),
+            &[Part::Bounces, Part::Emission],
+            &[Part::OffCentre, Part::Specular, Part::LightTable],
+        );
+
+        let fine = room([512, 256], vec3(4.0, 3.0, 5.0), Vec3::ZERO, |d| {
+            Vec3::splat(0.5 + 0.4 * (150.0 * d.x).sin() * (140.0 * d.y).sin())
+        });
+        let nothing = scene(fine, look.clone(), vec![]);
+        let plan = Case::new("nothing inserted", nothing.clone(), &still);
+        assert_eq!(
+            plan.plan().passes().iter().filter(|pass| pass.dispatches > 0).map(|pass| pass.name).collect::<Vec<_>>(),
+            ["radiance_pyramid", "gbuffer", "composite"]
+        );
+        run(plan, &[Part::Objects, Part::OffCentre, Part::Video], &[Part::RadiancePyramid]);
+
+        let behind = ball(0.4, lambert(0.2), vec3(0.1, -0.9, 0.6));
+        let down = camera(Vec3::ZERO, vec3(0.1, -1.5, -0.7), 40.0);
+        let unseen = scene(lit_room(30.0), down, vec![behind]);
+        run(Case::new("a caster off screen", unseen, &still), &[Part::VirtualSurfaces], &[Part::Objects]);
+
+        let far = surroundings([64, 32], |_| 0.0, |d| 0.3 + 0.7 * colourful(d) * d.y.max(0.0));
+        let shiny = ball(0.4, metal(0.3), vec3(0.0, -0.3, -1.5));
+        run(
+            Case::new("an infinitely far panorama", scene(far, look, vec![shiny]), &still),
+            &[Part::RealTracer, Part::Relight],
+            &[Part::Specular],
+        );
+    });
+}
+
+#[test]
+fn what_is_left_out_is_named_where_it_is_asked_for() {
+    validated(|gpu| {
+        let things = vec![ball(0.3, lambert(0.6), vec3(0.1, -0.2, -1.4))];
+        let case = Case::new("", scene(lit_room(3.0), camera(Vec3::ZERO, Vec3::NEG_Z, 60.0), things), &[0.0]);
+        let Rendered { renderer, .. } = case.render(gpu, case.plan());
+        for (name, words) in [
+            ("radiance_specular", ["specular is off: all materials are pure Lambert", "--set specular=on"]),
+            ("a_virtual_", ["there is no image", "a_virtual"]),
+            ("emission", ["emission is off: nothing shines", "--set emission=on"]),
+            ("b_virtual", ["specular is off", "--set objects=on --set specular=on"]),
+        ] {
+            let error = renderer.aov(name).expect_err("left out").to_string();
+            assert!(words.iter().all(|word| error.contains(word)), "{error}");
+            assert!(!renderer.aov_names().contains(&name.to_owned()));
+        }
+        for name in renderer.aov_names() {
+            aov(&renderer, &name);
+        }
+        let empty = RenderOptions { without_objects: true, ..case.options.clone() };
+        let error = rendered(gpu, &case.scene, empty, 1).aov("a_real").expect_err("left out").to_string();
+        assert!(error.contains("objects is off: 0 meshes are inserted"), "{error}");
+    });
+}
+
+#[test]
+fn settings_given_win_and_plans_compare() {
+    let things = || vec![ball(0.3, lambert(0.6), vec3(0.1, -0.2, -1.4))];
+    let track = camera(Vec3::ZERO, Vec3::NEG_Z, 60.0);
+    let plan = |things, set: &[(&str, &str)]| {
+        let scene = scene(lit_room(3.0), track.clone(), things);
+        Plan::of(&scene, &options(Method::Iprt, set), None).expect("a plan")
+    };
+    let base = plan(things(), &[]);
+    assert_eq!(base, plan(things(), &[]));
+    assert_eq!(base.settings.bounces, 1, "a convex object alone");
+    for (set, part) in [("bounces", Part::Bounces), ("specular", Part::Specular), ("relight_levels", Part::Relight)] {
+        for on in [false, true] {
+            let value = if on { part.value_on(Method::Iprt) } else { part.value_off().to_owned() };
+            let forced = plan(things(), &[(set, &value)]);
+            assert!(forced.on(part) == on && forced.parts.iter().any(|d| d.part == part && d.by == By::Set), "{set}");
+            assert_eq!(forced == base, base.on(part) == on, "{set}={value}");
+        }
+        let auto = if part == Part::Specular { plan(things(), &[(set, "auto")]) } else { plan(things(), &[]) };
+        assert!(auto == base);
+    }
+    // another object dropped in asks for another renderer, one that is only moved aside does not
+    let shining = object(iprt::scene::shapes::Shape::Box.mesh(Vec3::splat(0.2)), metal(0.5), vec3(0.5, 0.0, -1.4));
+    assert!(plan([things(), vec![shining]].concat(), &[]) != base);
+    assert!(plan(vec![ball(0.3, lambert(0.6), vec3(0.15, -0.2, -1.4))], &[]) == base);
+}
