@@ -6,7 +6,7 @@
 
 use super::{
     metrics::{Metrics, Picture, compare_regions},
-    regions::{Regions, regions},
+    regions::Regions,
 };
 use crate::{
     Result,
@@ -115,13 +115,14 @@ impl Scorer {
     ///
     /// # Errors
     /// Truths of other sizes than the view, radiance that is not finite.
-    pub fn new(view: &RealView, model: &Truth, scene: Option<[&Truth; 2]>, exposure: f32) -> Result<Self> {
+    pub fn new(
+        view: &RealView,
+        regions: Regions,
+        model: &Truth,
+        scene: Option<[&Truth; 2]>,
+        exposure: f32,
+    ) -> Result<Self> {
         let size = model.size;
-        let (with, without) = match scene {
-            Some([with, without]) => (&with.radiance, &without.radiance),
-            None => (&model.radiance, &view.camera_radiance),
-        };
-        let regions = regions(size, with, without, &view.real_coverage);
         let noise = |halves: [&[[f32; 4]]; 2]| score(size, halves[0], halves[1], &regions, exposure);
         let model_noise = noise([&model.halves[0], &model.halves[1]])?;
         let scene = match scene {
@@ -206,10 +207,15 @@ mod tests {
         (RealView { camera_radiance, real_coverage }, exact(&model), exact(&with), exact(&without))
     }
 
+    fn found(view: &RealView, with: &Truth, without: &Truth) -> Regions {
+        crate::measure::regions::regions(SIZE, &with.radiance, &without.radiance, &view.real_coverage)
+    }
+
     #[test]
     fn real_pixels_are_scored_on_the_relighting() {
         let (view, model, with, without) = shadow();
-        let scorer = Scorer::new(&view, &model, Some([&with, &without]), 1.0).expect("scores");
+        let scorer =
+            Scorer::new(&view, found(&view, &with, &without), &model, Some([&with, &without]), 1.0).expect("scores");
         let scores = scorer.score(&model.radiance).expect("scores");
         for (region, metrics) in scores.model.regions().into_iter().chain(scores.scene.expect("known").regions()) {
             assert!(metrics.rmse < 1e-6 && metrics.flip < 1e-3, "{region}: {metrics:?}");
@@ -222,7 +228,8 @@ mod tests {
     #[test]
     fn a_shadow_that_is_missing_is_an_error_of_the_influenced_region_alone() {
         let (view, model, with, without) = shadow();
-        let scorer = Scorer::new(&view, &model, Some([&with, &without]), 1.0).expect("scores");
+        let scorer =
+            Scorer::new(&view, found(&view, &with, &without), &model, Some([&with, &without]), 1.0).expect("scores");
         let lit = grey(|i| if i % 24 < 8 { 0.9 } else { 0.45 });
         let score = scorer.score(&lit).expect("scores").scene.expect("known");
         assert!((score.virtual_.expect("an object").rmse) < 1e-6);
@@ -233,8 +240,8 @@ mod tests {
 
     #[test]
     fn without_scene_truth_there_is_no_such_score() {
-        let (view, model, ..) = shadow();
-        let scorer = Scorer::new(&view, &model, None, 1.0).expect("scores");
+        let (view, model, with, without) = shadow();
+        let scorer = Scorer::new(&view, found(&view, &with, &without), &model, None, 1.0).expect("scores");
         let scores = scorer.score(&model.radiance).expect("scores");
         assert!(scores.scene.is_none() && scores.model.whole.rmse == 0.0);
         assert_eq!(scores.model.influenced.expect("a shadow").pixels, 10 * 16);
@@ -246,7 +253,8 @@ mod tests {
     fn the_noise_is_the_difference_of_the_halves() {
         let (view, _, with, without) = shadow();
         let noisy = truth([grey(|_| 0.4), grey(|_| 0.6)]);
-        let scorer = Scorer::new(&view, &noisy, Some([&with, &without]), 1.0).expect("scores");
+        let scorer =
+            Scorer::new(&view, found(&view, &with, &without), &noisy, Some([&with, &without]), 1.0).expect("scores");
         assert!((scorer.model.noise.whole.rmse - 0.2).abs() < 1e-6);
         assert_eq!(scorer.scene.expect("known").noise.whole.rmse, 0.0);
     }

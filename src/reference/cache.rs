@@ -104,10 +104,18 @@ pub fn truth_of_scene(
     let mut hasher = hash_scene(&scene.packed, &state.instances);
     hasher.update(bytemuck::bytes_of(&view)).update(bytemuck::bytes_of(&state.camera.position));
     let name = name(hasher, "scene", batch);
+    let mut kept: Option<PathTracer> = None;
     let make = |index: u32, tick: &mut dyn FnMut()| {
-        let settings = PathSettings::unbiased(options.size, options.seed.wrapping_add(SEED + index));
-        let centre = state.camera.position;
-        let mut tracer = PathTracer::new(gpu, &scene.packed, &state.instances, centre, &viewpoint, &settings)?;
+        let seed = options.seed.wrapping_add(SEED + index);
+        let tracer = match &mut kept {
+            Some(tracer) => tracer,
+            None => {
+                let settings = PathSettings::unbiased(options.size, seed);
+                let centre = state.camera.position;
+                kept.insert(PathTracer::new(gpu, &scene.packed, &state.instances, centre, &viewpoint, &settings)?)
+            }
+        };
+        tracer.restart(seed);
         for _ in 0..batch {
             keep.go_on(&scene.name)?;
             tracer.sample()?;

@@ -126,8 +126,8 @@ pub struct PathTracer {
     /// Sums of whole batches; empty before the first.
     batches: [Vec<[f64; 4]>; SUMMED],
     samples: u32,
-    /// Of the scene and of all that was chosen.
-    hash: [u8; 32],
+    /// Of the scene and where it is seen from.
+    scene_hash: blake3::Hasher,
 }
 
 impl PathTracer {
@@ -178,12 +178,7 @@ impl PathTracer {
             view_buffer: gpu.buffer("path_trace view", size_of::<ViewData>() as u64)?,
             lights: gpu.buffer_with("lights", &table.lights)?,
             punctual: gpu.buffer_with("punctual lights", &punctual)?,
-            hash: hash_scene(scene, state)
-                .update(bytemuck::bytes_of(&centre))
-                .update(bytemuck::bytes_of(&view))
-                .update(bytemuck::bytes_of(&push))
-                .finalize()
-                .into(),
+            scene_hash: hash_scene(scene, state).update(bytemuck::bytes_of(&centre)).clone(),
             push,
             images: [image("reflected")?, image("other")?, image("albedo")?, image("centre")?],
             batches: Default::default(),
@@ -226,7 +221,16 @@ impl PathTracer {
 
     /// What the picture depends on, but for the number of samples: the scene and all that was chosen.
     pub fn hash(&self) -> [u8; 32] {
-        self.hash
+        let view = ViewData { frame: 0, ..self.view };
+        let mut hasher = self.scene_hash.clone();
+        hasher.update(bytemuck::bytes_of(&view)).update(bytemuck::bytes_of(&self.push)).finalize().into()
+    }
+
+    /// Forgets all samples and starts anew with another seed.
+    pub fn restart(&mut self, seed: u32) {
+        self.view.seed = seed;
+        self.samples = 0;
+        self.batches = Default::default();
     }
 
     /// Copies the sums back.
@@ -261,7 +265,7 @@ impl PathTracer {
     /// A lost device.
     pub fn save(&self) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        bytes.extend(self.hash);
+        bytes.extend(self.hash());
         bytes.extend(self.samples.to_le_bytes());
         for batches in &self.batches {
             bytes.extend(bytemuck::cast_slice::<_, u8>(batches));
@@ -284,7 +288,7 @@ impl PathTracer {
         let samples = u32::from_le_bytes(*samples);
         let batches = if samples > BATCH { pixels * size_of::<[f64; 4]>() } else { 0 };
         let image = pixels * size_of::<[f32; 4]>();
-        if *hash != self.hash || rest.len() != SUMMED * batches + self.images.len() * image {
+        if *hash != self.hash() || rest.len() != SUMMED * batches + self.images.len() * image {
             return Ok(false);
         }
         let (sums, images) = rest.split_at(SUMMED * batches);

@@ -63,8 +63,9 @@ impl Chart {
             })
             .collect();
         let mut out =
-            "<text font-size=\"10\">● method  ◆ reference  ○ method, converged   A setting of:</text>".to_owned();
-        let (mut x, step) = (330.0, ((width - 400.0) / colors.len().max(1) as f64).min(110.0));
+            "<text font-size=\"10\">● method · ◆ reference · ○ method, converged (at the edge) · a setting of:</text>"
+                .to_owned();
+        let (mut x, step) = (400.0, ((width - 470.0) / colors.len().max(1) as f64).min(110.0));
         for (_, color, name) in colors {
             let _ = write!(
                 out,
@@ -91,7 +92,8 @@ impl Chart {
 /// What is shown in it.
 pub fn panel_title(scene: &ChartScene, panel: &Panel) -> String {
     let moving = if panel.moving { ", moving" } else { "" };
-    format!("{}: {} pixels{moving}, {}", scene.name, panel.region, panel.truth.name())
+    let pixels = if panel.region == REGIONS[0] { "picture" } else { "pixels" };
+    format!("{}: {} {pixels}{moving}, {}", scene.name, panel.region, panel.truth.name())
 }
 
 /// Draws an SVG as 8-bit RGB, so many pixels for one of its own. Its text takes fonts of the system.

@@ -91,9 +91,9 @@ pub enum Cost {
 pub struct Spread {
     /// Of all.
     pub median: f64,
-    /// Least of the repetitions' medians.
+    /// Least of the repetitions' medians; of a single repetition the lower quartile.
     pub low: f64,
-    /// Most of them.
+    /// Most of them; of a single one the upper quartile.
     pub high: f64,
 }
 
@@ -249,8 +249,11 @@ impl Spread {
         if all.is_empty() {
             return None;
         }
-        let medians: Vec<f64> =
-            rounds.iter().filter(|r| !r.is_empty()).map(|r| quantile(&mut r.clone(), 0.5)).collect();
+        let quantiles = |q| rounds.iter().filter(|r| !r.is_empty()).map(move |r| quantile(&mut r.clone(), q)).collect();
+        let mut medians: Vec<f64> = quantiles(0.5);
+        if let [_] = medians[..] {
+            medians = [quantiles(0.25), quantiles(0.75)].concat();
+        }
         let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max].map(|f| medians.iter().copied().reduce(f));
         let median = quantile(&mut all, 0.5);
         Some(Self { median, low: low.unwrap_or(median).min(median), high: high.unwrap_or(median).max(median) })
@@ -314,5 +317,7 @@ mod tests {
         let spread = Spread::of(&[vec![1.0, 2.0, 30.0], vec![], vec![4.0, 4.0, 5.0]]).expect("values");
         assert_eq!(spread, Spread { median: 4.0, low: 2.0, high: 4.0 });
         assert_eq!(Spread::of(&[vec![], vec![]]), None);
+        let once = Spread::of(&[vec![1.0, 2.0, 3.0, 4.0, 5.0]]).expect("values");
+        assert_eq!(once, Spread { median: 3.0, low: 2.0, high: 4.0 });
     }
 }

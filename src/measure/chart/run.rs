@@ -12,11 +12,16 @@ use crate::{
     gpu::Gpu,
     image_file::{read::read_bytes, write::write_png},
     measure::{
+        self,
         metrics::Picture,
-        score::{REGIONS, Scorer, real_view},
+        regions::Regions,
+        score::{REGIONS, RealView, Scorer, real_view},
     },
     passes::view::Projection,
-    reference::cache::{self, Keep, hash_rendered, truth_of_model, truth_of_scene},
+    reference::{
+        cache::{self, Keep, Truth, hash_rendered, truth_of_model, truth_of_scene},
+        regions,
+    },
     renderer::RenderOptions,
     scene::{CompleteScene, Scene},
     settings::{Method, Settings},
@@ -256,7 +261,8 @@ impl<'a> Bench<'a> {
         };
         let view = real_view(gpu, &case.scene, &base, time)?;
         let exposure = case.scene.render.exposure;
-        let scorer = Scorer::new(&view, &model, complete.as_ref().map(|[a, b]| [a, b]), exposure)?;
+        let regions = regions_of(gpu, case, options, &base, &view, &model)?;
+        let scorer = Scorer::new(&view, regions, &model, complete.as_ref().map(|[a, b]| [a, b]), exposure)?;
         let model_scores = scorer.score(&model.radiance)?;
         let share = |mask: &[bool]| mask.iter().filter(|inside| **inside).count() as f64 / mask.len() as f64;
         let regions = [1.0, share(&scorer.regions.virtual_), share(&scorer.regions.influenced)];
@@ -326,6 +332,29 @@ impl<'a> Bench<'a> {
             time: self.scene.time,
             folder: self.folder,
         })
+    }
+}
+
+/// Samples of the filtered truths that tell regions apart, as `masks` takes.
+const REGION_SPP: u32 = 64;
+
+/// By scene truth where it is known, else by model truth.
+fn regions_of(
+    gpu: &Gpu,
+    case: &Case,
+    options: &ChartOptions,
+    base: &RenderOptions,
+    view: &RealView,
+    model: &Truth,
+) -> Result<Regions> {
+    match &case.complete {
+        Some([with, without]) => {
+            let samples = options.scene_spp.min(REGION_SPP);
+            regions::of_scene(gpu, &case.scene, base, [with, without], options.frame, samples, || ())
+        }
+        None => {
+            Ok(measure::regions::regions(options.size, &model.radiance, &view.camera_radiance, &view.real_coverage))
+        }
     }
 }
 

@@ -54,7 +54,8 @@ impl<'a> Panel<'a> {
 
     /// The dots that no other beats, cheapest first.
     pub fn front(&self, dots: &[Dot]) -> Vec<usize> {
-        front(&dots.iter().map(|dot| (dot.cost.median, dot.error.median)).collect::<Vec<_>>())
+        let price = |dot: &Dot| if dot.point.group == "limit" { f64::INFINITY } else { dot.cost.median };
+        front(&dots.iter().map(|dot| (price(dot), dot.error.median)).collect::<Vec<_>>())
     }
 
     /// The truth's own noise here.
@@ -72,7 +73,9 @@ impl<'a> Panel<'a> {
         };
         let right = SIZE[0] - MARGIN[2];
         let bottom = SIZE[1] - MARGIN[3];
-        let across = Axis::around(dots.iter().flat_map(|d| [d.cost.low, d.cost.high]), [MARGIN[0], right]);
+        // a limit has no price that matters: it stands at the right edge
+        let priced = dots.iter().filter(|dot| dot.point.group != "limit");
+        let across = Axis::around(priced.flat_map(|d| [d.cost.low, d.cost.high]), [MARGIN[0], right]);
         let errors = dots.iter().flat_map(|d| [d.error.low, d.error.high]).chain(noise).chain(floor);
         let up = Axis::around(errors, [bottom, MARGIN[1]]);
         let mut out = format!("<g transform=\"translate({x:.1} {y:.1})\">");
@@ -252,7 +255,9 @@ fn labels(out: &mut String, dots: &[Dot], best: &[usize], across: &Axis, up: &Ax
                     .filter(|t| **t != own)
                     .all(|t| area[0] > t[2] || area[2] < t[0] || area[1] > t[3] || area[3] < t[1])
         };
-        if let Some((dx, dy)) = places.iter().find(free) {
+        // a method's name is worth an overlap
+        let place = places.iter().find(free).or((dot.point.group == "method").then_some(&places[0]));
+        if let Some((dx, dy)) = place {
             taken.push([x + dx, y + dy - 8.0, x + dx + width, y + dy + 2.0]);
             let weight = if dot.point.group == "method" { "bold" } else { "normal" };
             let _ = write!(

@@ -61,7 +61,8 @@ impl Chart {
                 format!("{} instead of {}{method}", of(point), of(base))
             }
         };
-        format!("{value} {}", verdict(base.ms, point.ms, &better, &worse))
+        let once = if point.rounds.len().min(base.rounds.len()) < 2 { " (Measured once.)" } else { "" };
+        format!("{value} {}{once}", verdict(base.ms, point.ms, &better, &worse))
     }
 }
 
