@@ -211,9 +211,12 @@ impl PartialEq for Plan {
             let on: Vec<bool> = plan.parts.iter().map(|part| part.on).collect();
             (on, plan.size, plan.looks_up(), plan.color_levels(), plan.facts.color_size, plan.facts.depth_size)
         };
-        key(self) == key(other)
-            && self.settings.values() == other.settings.values()
-            && self.facts.instances == other.facts.instances
+        // the parts' own switches have done their work
+        let switches = |name: &str| Settings::TABLE.iter().any(|row| row.name == name && row.pass == "plan");
+        let values = |plan: &Self| -> Vec<_> {
+            plan.settings.values().into_iter().filter(|(name, _)| !switches(name)).collect()
+        };
+        key(self) == key(other) && values(self) == values(other) && self.facts.instances == other.facts.instances
     }
 }
 
@@ -269,6 +272,8 @@ impl Plan {
         let (facts, settings) = (&self.facts, &self.settings);
         let found =
             |what: &Option<String>, none: &str| (what.is_some(), what.clone().unwrap_or_else(|| none.to_owned()));
+        let warmup = if self.on(Part::Relight) { settings.relight_warmup } else { 0 };
+        let frames = facts.frames.map(|frames| frames.saturating_add(warmup));
         let screen = settings.virtual_tracer == VirtualTracer::Screen;
         let because = |on, yes: &str, no: &str| (on, if on { yes } else { no }.to_owned());
         match part {
@@ -316,18 +321,18 @@ impl Plan {
                     Err(why) => why.clone(),
                 },
             ),
-            Part::Temporal if self.on(Part::Relight) && settings.relight_warmup > 0 => {
-                (true, "the relit maps are accumulated first".to_owned())
-            }
             Part::Temporal => (
-                facts.frames != Some(1),
-                facts.frames.map_or("frames follow each other".to_owned(), |n| count(n as usize, "frame", "frames")),
+                frames != Some(1),
+                frames.map_or("frames follow each other".to_owned(), |n| count(n as usize, "frame", "frames")),
             ),
             Part::Motion if facts.video_frames > 1 && self.on(Part::Video) => (true, "the video changes".to_owned()),
             Part::Motion => found(&facts.moving, "nothing but the camera moves"),
             // without history all pixels are newly seen
             Part::SamplingMask if !settings.temporal && settings.short_history > 0 => {
                 (false, "there is no history, so every pixel is newly seen and traced".to_owned())
+            }
+            Part::SamplingMask if frames.is_some_and(|frames| frames <= settings.short_history) => {
+                (false, "no history will be long, so every pixel is newly seen and traced".to_owned())
             }
             Part::SamplingMask if settings.mask_by == MaskBy::History && settings.rays_per_pixel >= 1.0 => {
                 (false, format!("rays_per_pixel = {}", settings.rays_per_pixel))
