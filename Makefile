@@ -14,7 +14,8 @@ demo: build
 # docs/results.md: every method in every room. Interrupted, it goes on where it was.
 ROOM = $(wildcard $(IPRT_DATA)/rooms/room/scene.toml)
 results: build
-	target/release/iprt chart apartment bedroom gallery $(ROOM) -o out/results --sweep methods --markdown docs/results.md
+	target/release/iprt chart apartment bedroom gallery $(ROOM) -o out/results --sweep methods \
+		--size 256x144 --truth-spp 128 --rounds 2 --markdown docs/results.md
 
 # A small chart of the settings, made within ten minutes on two cores.
 chart: build
