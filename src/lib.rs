@@ -25,6 +25,7 @@
 //! * [`renderer`]: the frame, as far as the plan has it.
 //! * [`mod@reference`]: scene truth by path tracing, the panoramas of the built-in rooms made with it, and truths that are kept.
 //! * [`measure`]: pass times, errors by region against both truths, and the [`measure::chart`] of speed against accuracy.
+//! * [`stability`]: where such methods fail: cases, each with its truth.
 //! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
 //!
 //! # The frame
@@ -88,6 +89,7 @@ pub mod reference;
 pub mod renderer;
 pub mod scene;
 pub mod settings;
+pub mod stability;
 pub use error::{Error, Result};
 /// SPIR-V of every pass, compiled by `build.rs`.
 pub mod shaders {

@@ -8,6 +8,7 @@ use crate::{
         atrous::Atrous,
         composite::Composite,
         depth_pyramid::DepthPyramid,
+        fault::Fault,
         gbuffer::{Gbuffer, Look},
         interpolate::Interpolate,
         irradiance::{Irradiance, Relight},
@@ -26,9 +27,10 @@ use crate::{
         Scene,
         packed::{PackedInstances, PackedScene},
     },
-    settings::{ClampWhen, FilterOrder, Method, Settings},
+    settings::{ClampWhen, FOREVER, FilterOrder, Method, Settings},
 };
 use glam::{Quat, Vec3};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// What a renderer is made for.
 #[derive(Clone, Debug)]
@@ -69,6 +71,7 @@ pub struct Renderer {
     video_frame: Option<usize>,
     previous_time: Option<f64>,
     frame: u32,
+    fault: Fault,
     #[doc(hidden)]
     pub skip_barrier: Option<usize>,
     #[doc(hidden)]
@@ -135,11 +138,19 @@ impl Lighting {
 impl Renderer {
     /// Plans, builds pipelines and allocates for a scene of which any number of frames may be asked; nothing is rendered yet.
     pub fn new(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> Result<Self> {
-        let plan = Plan::of(scene, &options, None)?;
-        Self::with_plan(gpu, scene, options, plan)
+        Self::with_fault(gpu, scene, options, Fault::None)
     }
 
-    /// The same by a plan that was made for this scene and these options.
+    /// The same, with something done wrong on purpose.
+    #[doc(hidden)]
+    pub fn with_fault(gpu: &Gpu, scene: &Scene, options: RenderOptions, fault: Fault) -> Result<Self> {
+        let plan = Plan::of(scene, &options, None)?;
+        let mut renderer = Self::with_plan(&fault.inject(gpu), scene, options, plan)?;
+        renderer.fault = fault;
+        Ok(renderer)
+    }
+
+    /// The same as [`Renderer::new`] by a plan that was made for this scene and these options.
     pub fn with_plan(gpu: &Gpu, scene: &Scene, options: RenderOptions, plan: Plan) -> Result<Self> {
         let [width, height] = options.size;
         if width == 0 || height == 0 || width > 16384 || height > 16384 {
@@ -175,6 +186,7 @@ impl Renderer {
             frame: 0,
             plan,
             options,
+            fault: Fault::None,
             skip_barrier: None,
             repeat: None,
             barriers: 0,
@@ -276,7 +288,13 @@ impl Renderer {
         let settings = &self.plan.settings;
         let role = self.role(view);
         let history = settings.temporal && view.history_reset.is_none();
-        let clamp = if state.moving || settings.clamp_when == ClampWhen::Always { settings.clamp } else { 0.0 };
+        let clamp = if self.fault == Fault::HistoryKept {
+            0.0
+        } else if state.moving || settings.clamp_when == ClampWhen::Always {
+            settings.clamp
+        } else {
+            0.0
+        };
         let relight = match relit {
             Some(map) => {
                 let [real, change] = filtered(map, settings)?;
@@ -352,7 +370,10 @@ impl Renderer {
         let video_frame = if self.plan.on(Part::Video) { scene.panorama.frame_at(time) } else { 0 };
         let new_video_frame = self.video_frame != Some(video_frame);
         if new_video_frame {
-            let content = scene.panorama.load(video_frame)?;
+            let mut content = scene.panorama.load(video_frame)?;
+            if self.fault == Fault::DepthStale {
+                content.depth = scene.panorama.load(0)?.depth;
+            }
             if content.color_size != self.panorama.color_size || content.depth_size != self.panorama.depth_size {
                 let problem = format!("frame {video_frame} has another size than the first");
                 return Err(Error::input("panorama", problem, "all frames of a video must have one size"));
@@ -412,14 +433,18 @@ impl Renderer {
         let mut data = ViewData {
             size: view.size,
             frame: self.frame,
-            seed: self.options.seed.wrapping_add(stream.wrapping_mul(0x9e37_79b9)),
+            seed: self.seed().wrapping_add(stream.wrapping_mul(0x9e37_79b9)),
             edge_ratio: settings.edge_ratio,
             thickness: settings.thickness,
             instance_count: self.scene.instance_count,
             bounces: settings.bounces,
             coverage_samples: settings.coverage_samples,
             rays_per_16: ((settings.rays_per_pixel * 16.0).round() as u32).clamp(1, 16),
-            history_limit: if state.moving { settings.history_moving } else { settings.history },
+            history_limit: match self.fault {
+                Fault::HistoryKept => FOREVER,
+                _ if state.moving => settings.history_moving,
+                _ => settings.history,
+            },
             relit: u32::from(relit),
             relight_size: self.relight.first().map_or([1, 1], |map| map.size),
             ..ViewData::default()
@@ -427,6 +452,14 @@ impl Renderer {
         self.panorama.describe(&mut data);
         viewpoint.write(&view.previous.unwrap_or(viewpoint), &mut data);
         self.gpu.write_buffer(&view.data, 0, &[data])
+    }
+
+    fn seed(&self) -> u32 {
+        static FRAMES: AtomicU32 = AtomicU32::new(0);
+        match self.fault {
+            Fault::UnsteadySeed => FRAMES.fetch_add(1, Ordering::Relaxed),
+            _ => self.options.seed,
+        }
     }
 
     /// The device it runs on.

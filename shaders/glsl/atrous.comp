@@ -65,7 +65,7 @@ void main() {
         }
     }
     variance /= max(variance_total, 1e-6);
-    vec2 inverse = measure || push.sigma_luminance >= FAR ? vec2(0.0) : 1.0 / (push.sigma_luminance * sqrt(variance) + 1e-6);
+    vec2 inverse = measure || push.sigma_luminance >= FAR || FAULT == FAULT_FILTER_BLIND ? vec2(0.0) : 1.0 / (push.sigma_luminance * sqrt(variance) + 1e-6);
 
     // a mirror is not filtered at all; the lobe of roughness ½ over the whole kernel
     float lobe = layer == VIRTUAL ? 64.0 * normal.w * normal.w : 1e6;

@@ -13,6 +13,24 @@ const uint EQUIRECT = 1u;
 const int REAL = 0;
 const int VIRTUAL = 1;
 
+// A deliberate fault, by which the stability suite proves that its cases can fail: `Fault` in passes/fault.rs. 0: none.
+layout(constant_id = 8) const uint FAULT = 0u;
+const uint FAULT_NO_WRAP = 1u;
+const uint FAULT_NO_POLES = 2u;
+const uint FAULT_YAW_FORGOTTEN = 3u;
+const uint FAULT_NO_DISOCCLUSION = 4u;
+const uint FAULT_ENERGY_CLAMP = 5u;
+const uint FAULT_MOTION_OFF = 6u;
+const uint FAULT_RAYS_FROM_BELOW = 7u;
+const uint FAULT_HOLES_NEAR = 8u;
+const uint FAULT_REAL_IGNORED = 9u;
+const uint FAULT_CAMERA_CENTRED = 10u;
+const uint FAULT_NORMALS_UNTURNED = 11u;
+const uint FAULT_FILTER_BLIND = 12u;
+const uint FAULT_LAST_TILE_LOST = 13u;
+const uint FAULT_NARROW_COLUMNS = 14u;
+const uint FAULT_DRIFT = 15u;
+
 // One picture being made: camera now and one frame ago, the panorama's shape, and the settings. `ViewData` in passes/view.rs.
 struct View {
     vec3 position;
@@ -129,6 +147,7 @@ ivec2 wrap_texel(ivec2 p, ivec2 size) {
     if (p.y < 0) { p.y = -1 - p.y; p.x += size.x / 2; }
     if (p.y >= size.y) { p.y = 2 * size.y - 1 - p.y; p.x += size.x / 2; }
     p.y = clamp(p.y, 0, size.y - 1);
+    if (FAULT == FAULT_NO_WRAP) p.x = clamp(p.x, 0, size.x - 1);
     p.x = p.x % size.x;
     if (p.x < 0) p.x += size.x;
     return p;

@@ -20,6 +20,10 @@ layout(set = 0, binding = 59, rgba32f) uniform writeonly image2D out_radiance;
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
+    if (FAULT == FAULT_LAST_TILE_LOST && any(greaterThanEqual(p, ivec2(in_view.view.size) & ~7))) {
+        imageStore(out_radiance, p, vec4(0.0));
+        return;
+    }
     vec3 real = imageLoad(in_camera_radiance, p).rgb;
     if (LIT != 0u && imageLoad(in_mask, ivec3(p, REAL)).x != 0.0)
         real = relight(real, imageLoad(in_a, ivec3(p, REAL)).rgb, imageLoad(in_b, ivec3(p, REAL)).rgb);

@@ -41,7 +41,7 @@ void main() {
     for (uint k = 0u; k < n; k++) {
         vec2 offset = fract(vec2(0.5) + float(k) * vec2(0.7548776662, 0.5698402910));
         vec3 d = view_direction(vec2(p) + offset);
-        SceneHit hit = scene_trace(in_view.view.position, d, real_surface(d).t);
+        SceneHit hit = scene_trace(in_view.view.position, d, FAULT == FAULT_REAL_IGNORED ? FAR : real_surface(d).t);
         if (hit.instance == NONE) { real_count += 1.0; continue; }
         vec2 c = offset - 0.5;
         if (dot(c, c) < nearest) { nearest = dot(c, c); best = hit; best_d = d; }

@@ -27,7 +27,7 @@ void main() {
         if (LIT == 0u) { imageStore(out_camera_radiance, p, vec4(radiance, 1.0)); return; }
         float coverage = 1.0;
         if (VIRTUAL_SURFACES != 0u) {
-            SceneHit hit = scene_trace(in_view.view.position, d, real.t);
+            SceneHit hit = scene_trace(in_view.view.position, d, FAULT == FAULT_REAL_IGNORED ? FAR : real.t);
             if (hit.instance != NONE) {
                 coverage = 0.0;
                 write_virtual(p, hit, d);

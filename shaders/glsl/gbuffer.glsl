@@ -23,7 +23,7 @@ RealPoint real_surface(vec3 d) {
     if (OFF_CENTRE == 0u && LIT == 0u) {
         r.uv = panorama_uv(d);
         r.t = FAR;
-    } else if (OFF_CENTRE == 0u) {
+    } else if (OFF_CENTRE == 0u || FAULT == FAULT_CAMERA_CENTRED) {
         r.uv = panorama_uv(d);
         r.t = surface_distance(d, r.texel);
         if (r.t <= 0.0) r.t = FAR;
@@ -41,6 +41,7 @@ vec4 motion_of(vec2 pixel, vec3 previous_point, float id) {
     vec3 previous = project_previous(previous_point);
     vec2 motion = previous.xy - pixel;
     if (in_view.view.projection == EQUIRECT) motion.x -= round(motion.x / float(in_view.view.size.x)) * float(in_view.view.size.x);
+    if (FAULT == FAULT_MOTION_OFF) motion.x += 1.0;
     return vec4(motion, previous.z, id);
 }
 

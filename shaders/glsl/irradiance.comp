@@ -151,13 +151,15 @@ void main() {
         Lobes no_lobes;
         // off the real surface by more than the steps of its depth, off the virtual scene by next to nothing: a contact
         // shadow begins at the contact
-        Ray ray = draw(point.xyz + normal * (2e-3 * length(point.xyz)), normal, false, none, no_lobes, vec3(0.0), random);
+        float off = FAULT == FAULT_RAYS_FROM_BELOW ? -2e-3 : 2e-3;
+        Ray ray = draw(point.xyz + normal * (off * length(point.xyz)), normal, false, none, no_lobes, vec3(0.0), random);
         vec3 radiance = vec3(0.0), mixed = vec3(0.0);
         if (ray.weight.x > 0.0) {
             radiance = hit_radiance(ray.real);
             mixed = incoming(point.xyz + normal * 1e-4, ray, random, distance);
         }
         vec3 weight = PI * ray.weight;
+        if (FAULT == FAULT_ENERGY_CLAMP) weight *= min(1.0, 0.3 / max(luminance(weight * max(radiance, mixed)), 1e-20));
         imageStore(out_irradiance_a, ivec3(p, REAL), vec4(weight * radiance, 0.0));
         imageStore(out_irradiance_b, ivec3(p, REAL), vec4(weight * (mixed - radiance), distance));
     } else {
@@ -173,6 +175,7 @@ void main() {
         if (dot(ray.d, s.geometric) <= 0.0) weight = vec3(0.0);
         vec3 radiance = vec3(0.0);
         if (max(weight.r, max(weight.g, weight.b)) > 0.0) radiance = weight * incoming(origin, ray, random, distance);
+        if (FAULT == FAULT_ENERGY_CLAMP) radiance *= min(1.0, 0.3 / max(luminance(radiance), 1e-20));
         imageStore(out_irradiance_a, ivec3(p, VIRTUAL), vec4(specular ? vec3(0.0) : radiance, 0.0));
         if (SPECULAR != 0u) imageStore(out_irradiance_b, ivec3(p, VIRTUAL), vec4(specular ? radiance : vec3(0.0), specular ? distance : 0.0));
     }

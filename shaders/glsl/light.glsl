@@ -31,7 +31,7 @@ vec3 light_sample(vec2 u, vec2 within) {
         if (in_lights.value[first + mid] > x) hi = mid; else lo = mid + 1;
     }
     vec2 uv = (vec2(lo, row) + within) / vec2(LIGHT_CELLS);
-    vec2 phi = circle(uv.x - 0.5 - in_view.view.yaw / (2.0 * PI)), theta = circle(0.5 * uv.y);
+    vec2 phi = circle(uv.x - 0.5 - (FAULT == FAULT_YAW_FORGOTTEN ? 0.0 : in_view.view.yaw / (2.0 * PI))), theta = circle(0.5 * uv.y);
     return vec3(theta.y * phi.y, theta.x, -theta.y * phi.x);
 }
 

@@ -17,8 +17,9 @@ void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy), size = ivec2(in_view.view.depth_size);
     if (any(greaterThanEqual(p, size))) return;
     // the poles pass through
-    if (p.y == 0) imageStore(out_depth, p, vec4(vertex_depth(p.x, -1)));
-    if (p.y == size.y - 1) imageStore(out_depth, p + ivec2(0, 2), vec4(vertex_depth(p.x, size.y)));
+    float pole_scale = FAULT == FAULT_NO_POLES ? 0.0 : 1.0;
+    if (p.y == 0) imageStore(out_depth, p, vec4(pole_scale * vertex_depth(p.x, -1)));
+    if (p.y == size.y - 1) imageStore(out_depth, p + ivec2(0, 2), vec4(pole_scale * vertex_depth(p.x, size.y)));
     float depth = vertex_depth(p.x, p.y);
     vec3 direction = vertex_direction(p.x, p.y);
     vec3 best = direction;
@@ -44,6 +45,7 @@ void main() {
         float smoothed = dot(best, direction);
         if (step_here > 0.0 && best_cost < FAR) depth = 1.0 / clamp(smoothed, max(q - 0.75 * step_here, 0.25 * q), q + 0.75 * step_here);
     }
+    if (FAULT == FAULT_HOLES_NEAR && depth <= 0.0) depth = 0.5;
     vec3 normal = dot(best, best) > 0.0 ? -normalize(best) : -direction;
     imageStore(out_panorama_normal, p, vec4(to_half(normal), 0.0));
     imageStore(out_depth, p + ivec2(0, 1), vec4(depth));

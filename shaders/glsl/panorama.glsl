@@ -65,6 +65,7 @@ vec3 panorama_filtered(vec2 uv, float angle) {
 // Depth of vertex (i, j), i from 0 to W; j = -1 and j = H are the poles.
 float vertex_depth(int i, int j) {
     int width = int(in_view.view.depth_size.x);
+    if (FAULT == FAULT_NO_WRAP && i >= width) return 0.0;
     return imageLoad(in_depth, ivec2(i >= width ? i - width : i, j + 1)).x;
 }
 

@@ -205,7 +205,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
             normal = normalize(t * n.x + cross(normal, t) * (tangent.w < 0.0 ? -n.y : n.y) + normal * n.z);
         }
     }
-    if (dot(s.geometric, d) > 0.0) { s.geometric = -s.geometric; normal = -normal; }
+    if (dot(s.geometric, d) > 0.0 && FAULT != FAULT_NORMALS_UNTURNED) { s.geometric = -s.geometric; normal = -normal; }
     // A shading normal that faces away from the ray would see nothing: tilt it back to the horizon.
     float facing = dot(normal, d);
     if (facing > -1e-3) normal = normalize(normal - d * (facing + 1e-3));

@@ -34,6 +34,7 @@ layout(push_constant, scalar) uniform Push { uint history_valid; uint filtered; 
 float history_weight(ivec2 q, int layer, vec4 motion, vec3 normal) {
     if (!neighbour(q)) return 0.0;
     vec4 then = imageLoad(history_position, ivec3(q, layer));
+    if (FAULT == FAULT_NO_DISOCCLUSION) return then.w > 0.0 ? 1.0 : 0.0;
     if (then.w <= 0.0 || imageLoad(history_motion, ivec3(q, layer)).w != motion.w) return 0.0;
     if (abs(then.w - motion.z) > 0.03 * motion.z) return 0.0;
     return dot(imageLoad(history_normal, ivec3(q, layer)).xyz, normal) > 0.85 ? 1.0 : 0.0;
@@ -115,6 +116,7 @@ void main() {
         moments = vec4(mix(old_moments.xy, moments.xy, blend), length, mix(old_moments.w, moments.w, blend));
         luma = vec2(luminance(a.rgb), luminance(b.rgb));
     }
+    if (FAULT == FAULT_DRIFT) { a.rgb *= 1.2; b.rgb *= 1.2; }
     vec2 variance = max(moments.xy - luma * luma, vec2(0.0)) / max(moments.z, 1.0);
     imageStore(out_a, ivec3(p, layer), vec4(a.rgb, known ? variance.x : -1.0)); // negative: nothing is known here yet
     if (has_b(layer)) imageStore(out_b, ivec3(p, layer), vec4(b.rgb, variance.y));

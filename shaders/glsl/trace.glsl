@@ -39,7 +39,7 @@ void cross_leaf(uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, b
     vec3 at = origin * across;
     vec4 v[9];
     vec2 phi[3];
-    ivec3 column = first.x + ivec3(0, 1, 2);
+    ivec3 column = (FAULT == FAULT_NARROW_COLUMNS ? first.x & 4095 : first.x) + ivec3(0, 1, 2);
     // the column after the last is the first; what is beyond that, or beyond a pole, is a hole
     bvec3 no_column = greaterThan(column, ivec3(size.x));
     column -= mix(ivec3(0), ivec3(size.x), greaterThanEqual(column, ivec3(size.x)));

@@ -14,6 +14,7 @@ pub mod plan;
 pub mod reference;
 pub mod render;
 pub mod scene;
+pub mod stability;
 
 use std::io::{self, Write};
 
@@ -56,6 +57,8 @@ pub enum Command {
     Masks(masks::Args),
     /// Report every problem of a scene at once
     Check(check::Args),
+    /// Try where such methods fail: a number, a limit and a picture for each case and method
+    Stability(stability::Args),
     /// Built-in rooms as files
     #[command(subcommand)]
     Scene(scene::Command),
@@ -74,6 +77,7 @@ impl Command {
             Self::Compare(args) => compare::run(&args),
             Self::Masks(args) => masks::run(&args),
             Self::Check(args) => check::run(&args),
+            Self::Stability(args) => stability::run(&args),
             Self::Scene(command) => scene::run(&command),
         }
     }

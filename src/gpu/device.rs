@@ -15,7 +15,7 @@ use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, vulkan as memory};
 use super::{
     adapter,
     memory::Format,
-    pass::{PassData, PassKey},
+    pass::{Making, PassData, PassKey},
     slot::Slot,
     timing::Clock,
     transfer::Staging,
@@ -34,7 +34,7 @@ pub struct GpuOptions {
 
 /// A Vulkan 1.3 device with one compute queue. Cheap to clone; whatever is made from it keeps it alive.
 #[derive(Clone)]
-pub struct Gpu(pub(super) Arc<Shared>);
+pub struct Gpu(pub(super) Arc<Shared>, pub(super) Making);
 
 pub(super) struct Shared {
     pub device: ash::Device,
@@ -83,7 +83,7 @@ impl Gpu {
         let (instance, labels) = adapter::instance(&entry, options.validation, &log)?;
         // From here on the instance is destroyed on every path.
         match open(&entry, &instance, labels, options, &log) {
-            Ok(parts) => Ok(Self(Arc::new(parts.share(entry, instance, log)))),
+            Ok(parts) => Ok(Self(Arc::new(parts.share(entry, instance, log)), Making::default())),
             Err(error) => {
                 // SAFETY: `open` leaves nothing behind that was made from the instance.
                 unsafe { instance.destroy_instance(None) };
@@ -124,7 +124,9 @@ impl Gpu {
     /// [`Error::Internal`] where a buffer, image, pass, frame or clone still holds the device.
     pub fn destroy(self) -> Result<Vec<String>> {
         let log = Arc::clone(&self.0.log);
-        match Arc::try_unwrap(self.0) {
+        let Self(shared, making) = self;
+        drop(making);
+        match Arc::try_unwrap(shared) {
             Ok(shared) => drop(shared),
             Err(shared) => {
                 let holders = Arc::strong_count(&shared) - 1;

@@ -2,7 +2,7 @@
 
 use std::{
     fmt,
-    sync::{Arc, Weak},
+    sync::{Arc, Mutex, Weak},
 };
 
 use ash::vk;
@@ -72,13 +72,52 @@ impl fmt::Debug for Pass {
     }
 }
 
+/// How a handle of the device makes passes.
+#[derive(Clone, Default)]
+pub(super) struct Making {
+    /// A constant beside those asked for, in the passes of these names.
+    constant: Option<((u32, u32), &'static [&'static str])>,
+    /// Where passes are kept alive.
+    kept: Option<Arc<Mutex<Vec<Pass>>>>,
+}
+
 impl Gpu {
+    /// A handle that keeps the passes it makes alive, so that the next of the same shader and constants is there at once. They live as
+    /// long as it and its clones do.
+    pub fn keeping_passes(&self) -> Self {
+        Self(self.0.clone(), Making { kept: Some(Arc::default()), ..self.1.clone() })
+    }
+
+    /// A handle whose passes of these names take one more specialization constant.
+    #[doc(hidden)]
+    pub fn with_constant(&self, constant: (u32, u32), passes: &'static [&'static str]) -> Self {
+        Self(self.0.clone(), Making { constant: Some((constant, passes)), ..self.1.clone() })
+    }
+
     /// Makes a pass, or finds it where it is alive; `specialization` holds values by `constant_id` (floats and bools as their bits).
     ///
     /// # Errors
     /// [`Error::Internal`] that names shader and field where the declaration and the SPIR-V disagree;
     /// [`Error::Input`] where the workgroup exceeds the device's limits.
     pub fn pass(&self, declaration: &PassDeclaration, specialization: &[(u32, u32)]) -> Result<Pass> {
+        let mut specialization = specialization.to_vec();
+        if let Some((constant, passes)) = self.1.constant
+            && passes.contains(&declaration.name)
+            && reflect::has_constant(declaration, constant.0)?
+        {
+            specialization.push(constant);
+        }
+        let pass = self.new_or_alive(declaration, &specialization)?;
+        if let Some(kept) = &self.1.kept {
+            let mut kept = lock(kept);
+            if !kept.iter().any(|known| Arc::ptr_eq(&known.0, &pass.0)) {
+                kept.push(pass.clone());
+            }
+        }
+        Ok(pass)
+    }
+
+    fn new_or_alive(&self, declaration: &PassDeclaration, specialization: &[(u32, u32)]) -> Result<Pass> {
         let reflected = reflect::check(declaration, specialization)?;
         let name = declaration.name;
         let limits = &self.0.limits;
@@ -107,7 +146,7 @@ impl Gpu {
         }
         // From here on dropping `data` frees whatever has been made.
         let mut data = PassData {
-            gpu: self.clone(),
+            gpu: Self(self.0.clone(), Making::default()), // a pass that is kept must not keep its keeper
             name,
             slots: reflected.slots,
             push: declaration.push,

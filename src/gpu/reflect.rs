@@ -72,6 +72,15 @@ pub(super) fn check(declaration: &PassDeclaration, specialization: &[(u32, u32)]
     Ok(Reflected { local_size, slots })
 }
 
+/// Whether a shader has a specialization constant.
+pub(super) fn has_constant(declaration: &PassDeclaration, id: u32) -> Result<bool> {
+    let mut module = Instructions::default();
+    parse_words(declaration.spirv, &mut module)
+        .map_err(|error| Error::Internal(format!("shader {}: its SPIR-V cannot be read: {error}", declaration.name)))?;
+    let shader = Shader::new(&module.0);
+    Ok(shader.decorations.values().flatten().any(|d| *d == (Decoration::SpecId, id)))
+}
+
 fn check_bindings(declaration: &PassDeclaration, shader: &Shader<'_>) -> Checked<Vec<Slot>> {
     let mut slots: Vec<Slot> = Vec::new();
     for variable in shader.resources() {

@@ -8,6 +8,8 @@ pub mod atrous;
 pub mod brdf;
 pub mod composite;
 pub mod depth_pyramid;
+#[doc(hidden)]
+pub mod fault;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod irradiance;

@@ -1,0 +1,65 @@
+//! `iprt stability`: where such methods fail, case by case.
+
+use super::common::{DeviceArgs, progress};
+use crate::{
+    Error, Result,
+    stability::{
+        METHODS, Suite, cases,
+        report::{self, Row, Setup},
+    },
+};
+use std::path::PathBuf;
+
+/// Arguments of `iprt stability`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// Names of cases; all by default
+    pub cases: Vec<String>,
+    /// The folder for stability.json, stability.html and the pictures; made where it does not exist
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Smaller pictures, fewer frames
+    #[arg(long)]
+    pub quick: bool,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// Say less
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Runs them and writes.
+pub fn run(args: &Args) -> Result<()> {
+    let all = cases::all();
+    if let Some(unknown) = args.cases.iter().find(|name| !all.iter().any(|case| case.name == name.as_str())) {
+        let names: Vec<_> = all.iter().map(|case| case.name).collect();
+        let remedy = format!("choose from {}", names.join(", "));
+        return Err(Error::input("CASE", format!("there is no case \"{unknown}\""), remedy));
+    }
+    let wanted = |name: &str| args.cases.is_empty() || args.cases.iter().any(|case| case == name);
+    let chosen: Vec<_> = all.into_iter().filter(|case| wanted(case.name)).collect();
+    let gpu = args.device.open()?;
+    let setup = Setup { device: gpu.device_name().to_owned(), driver: gpu.driver().to_owned(), quick: args.quick };
+    let suite = Suite::new(&gpu, args.quick);
+    let bar = progress(args.quiet, (chosen.len() * METHODS.len()) as u64, "cases");
+    let mut rows = Vec::new();
+    for case in chosen {
+        let mut results = Vec::new();
+        for method in METHODS {
+            results.push((method, suite.run(&case, method, None)?));
+            bar.inc(1);
+        }
+        let row = Row { case, results };
+        if !args.quiet {
+            bar.suspend(|| super::print(&row.line()))?;
+        }
+        rows.push(row);
+    }
+    bar.finish_and_clear();
+    drop(suite);
+    report::write(&args.output, &rows, &setup)?;
+    if !args.quiet {
+        super::print(&args.output.join("stability.html").display().to_string())?;
+    }
+    args.device.close(gpu)
+}

@@ -1,0 +1,65 @@
+//! Deliberate faults: what the stability suite must notice. No setting reaches them.
+
+use crate::gpu::Gpu;
+
+/// One thing done wrong on purpose. The value is what the shaders' constant 8 is set to; those from 100 on are the host's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Fault {
+    /// As shipped.
+    #[default]
+    None = 0,
+    /// Columns of the panorama do not wrap: at the seam there is a gap.
+    NoWrap = 1,
+    /// The poles are holes.
+    NoPoles = 2,
+    /// Lights are drawn as if the panorama were not turned.
+    YawForgotten = 3,
+    /// Any history is taken, whatever surface it was.
+    NoDisocclusion = 4,
+    /// Paths that bring more than a little are cut down to it.
+    EnergyClamp = 5,
+    /// Motion vectors are a pixel off.
+    MotionOff = 6,
+    /// Rays leave real surfaces from below.
+    RaysFromBelow = 7,
+    /// Holes in the depth are half a metre away.
+    HolesNear = 8,
+    /// Real surfaces hide no object from the camera.
+    RealIgnored = 9,
+    /// The camera sees the real scene from the capture point, wherever it is.
+    CameraCentred = 10,
+    /// Surfaces seen from behind keep their normals.
+    NormalsUnturned = 11,
+    /// Filters do not stop at edges.
+    FilterBlind = 12,
+    /// Pixels beyond the last whole tile stay black.
+    LastTileLost = 13,
+    /// Columns are counted in twelve bits.
+    NarrowColumns = 14,
+    /// Each frame the history grows by a fifth.
+    Drift = 15,
+    /// No end of the history, no clamping.
+    HistoryKept = 100,
+    /// The seed counts the frames of the whole process.
+    UnsteadySeed = 101,
+    /// The depth of the first video frame is that of all.
+    DepthStale = 102,
+}
+
+impl Fault {
+    /// A handle of the device whose passes have this fault.
+    pub(crate) fn inject(self, gpu: &Gpu) -> Gpu {
+        let passes: &[&str] = match self {
+            Self::None | Self::HistoryKept | Self::UnsteadySeed | Self::DepthStale => return gpu.clone(),
+            Self::NoWrap => &["gbuffer", "depth_pyramid"],
+            Self::NoPoles | Self::HolesNear => &["normals"],
+            Self::YawForgotten | Self::EnergyClamp | Self::RaysFromBelow => &["irradiance"],
+            Self::NoDisocclusion | Self::Drift => &["temporal"],
+            Self::MotionOff | Self::RealIgnored | Self::CameraCentred | Self::NarrowColumns => &["gbuffer"],
+            Self::NormalsUnturned => &["gbuffer", "irradiance"],
+            Self::FilterBlind => &["interpolate", "atrous"],
+            Self::LastTileLost => &["composite"],
+        };
+        gpu.with_constant((8, self as u32), passes)
+    }
+}

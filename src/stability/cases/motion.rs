@@ -1,0 +1,268 @@
+//! What changes: casters, lamps, shots, the camera, the real room.
+
+use super::{FLOOR, SEEN, SEEN_WHY, colourful, room};
+use crate::{
+    Result,
+    measure::temporal::{Frames, ghost_energy, warped_difference},
+    passes::fault::Fault,
+    stability::{
+        Broken, Case, Outcome, Run,
+        film::Film,
+        metric::{self, Texels},
+        world::{Block, Eye, Lamp, Thing, World},
+    },
+};
+use glam::{Quat, Vec3, vec2, vec3};
+
+const LEFT: &str = "share of the change that is still missing in the third frame after it, on the way to what the method shows when it starts anew, pixels that change";
+const LEFT_WHY: &str =
+    "a tenth of a second is the shortest delay that is noticed; a tenth of the old light is hardly seen then";
+
+pub const CASES: &[Case] = &[
+    Case {
+        name: "moving_caster",
+        asks: "A ball slides over the floor at 1.8 m/s: does its shadow go with it, without a ghost?",
+        metric: "ghost energy: the share of the truth's past frames that is left in the picture, last 8 frames, floor that the shadow passes",
+        unit: "",
+        limit: 0.1,
+        reason: "a tenth of a shadow where there is none any more is hardly seen",
+        catches: &[Broken::Fault(Fault::HistoryKept)],
+        must_fail: &[],
+        run: moving_caster,
+    },
+    Case {
+        name: "teleport",
+        asks: "A ball is suddenly elsewhere: does its shadow stay where it was?",
+        metric: LEFT,
+        unit: "",
+        limit: 0.1,
+        reason: LEFT_WHY,
+        catches: &[Broken::Fault(Fault::HistoryKept)],
+        must_fail: &[],
+        run: teleport,
+    },
+    Case {
+        name: "light_switched_off",
+        asks: "The lamp goes out in the video: does a ball still shine in its light?",
+        metric: LEFT,
+        unit: "",
+        limit: 0.1,
+        reason: LEFT_WHY,
+        catches: &[Broken::Fault(Fault::HistoryKept)],
+        must_fail: &[],
+        run: light_switched_off,
+    },
+    Case {
+        name: "cut",
+        asks: "The video cuts to another room, the ball stays: what is left of the first room's light?",
+        metric: LEFT,
+        unit: "",
+        limit: 0.1,
+        reason: LEFT_WHY,
+        catches: &[Broken::Fault(Fault::HistoryKept)],
+        must_fail: &[],
+        run: cut,
+    },
+    Case {
+        name: "fast_pan",
+        asks: "The camera pans by 6° a frame past a ball: is what comes into view, and from behind the ball, right at once?",
+        metric: "mean FLIP to the truth of the worst of 10 frames, pixels that the ball makes or changes",
+        unit: "",
+        limit: SEEN,
+        reason: SEEN_WHY,
+        catches: &[Broken::Setting("temporal", "false")],
+        must_fail: &[],
+        run: fast_pan,
+    },
+    Case {
+        name: "moving_camera",
+        asks: "The camera dollies past a ball: does the picture change from frame to frame more than it should?",
+        metric: "mean |difference of successive frames| beyond the truth's own, pixels that the ball makes or changes, steps of 8 bits",
+        unit: "/255",
+        limit: 2.0,
+        reason: "two steps of 8 bits are not seen",
+        catches: &[Broken::Setting("temporal", "false")],
+        must_fail: &[],
+        run: moving_camera,
+    },
+    Case {
+        name: "motion_vectors",
+        asks: "On the same way, with a lamp: do shadow and shading stay on their surfaces?",
+        metric: "mean FLIP to the truth of the worst of the last 6 frames, pixels that the ball makes or changes",
+        unit: "",
+        limit: SEEN,
+        reason: SEEN_WHY,
+        catches: &[Broken::Fault(Fault::MotionOff)],
+        must_fail: &[],
+        run: motion_vectors,
+    },
+    Case {
+        name: "moving_furniture",
+        asks: "A real screen slides before a ball, in the video's colour and depth: does it hide the ball, and does its light follow?",
+        metric: "mean FLIP to the true scene of the worst of the last 8 frames, the ball's disc, seen or hidden",
+        unit: "",
+        limit: SEEN,
+        reason: SEEN_WHY,
+        catches: &[Broken::Fault(Fault::DepthStale)],
+        must_fail: &[],
+        run: moving_furniture,
+    },
+];
+
+/// FLIP over what things make of the picture in the worst of some frames.
+fn worst_flip(run: &Run, film: &Film, frames: impl IntoIterator<Item = usize>) -> Result<Outcome> {
+    run.worst(film, frames, |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.concerned(), 1.0))
+}
+
+/// The share of a film's one step, between `before` and `before + 1`, that is still missing in the third frame after it: of the way from
+/// what the method shows before it to what it shows of the new state when it starts anew. The step is taken in displayed values, as a lag's is in
+/// `measure::temporal`, over pixels that wholly show the same kind of surface before and after (or, `things`, a thing), and change.
+fn left(run: &Run, film: &Film, fresh: &Film, before: usize, things: bool) -> Result<Outcome> {
+    let pictures = run.play(film)?;
+    let (start, test, end) = (&pictures[before], pictures[before + 3].clone(), run.play(fresh)?.remove(0));
+    let (old, new) = (run.truth(film, 0, before), run.truth(film, 0, before + 1));
+    let value = if [start, &test, &end].into_iter().all(|picture| metric::is_finite(picture)) {
+        let (mut made, mut whole) = (0.0, 0.0);
+        for i in 0..test.len() {
+            let (a, b) = (old.coverage[i], new.coverage[i]);
+            if a != b || !(a == 0.0 || (a == 1.0 && !things)) {
+                continue;
+            }
+            for c in 0..3 {
+                let shown = |texels: &[[f32; 4]]| f64::from(metric::shown(texels[i][c], 1.0));
+                if (shown(&old.texels) - shown(&new.texels)).abs() < 4.0 / 255.0 {
+                    continue;
+                }
+                let step = shown(&end) - shown(start);
+                (made, whole) = (made + step * (shown(&test) - shown(start)), whole + step * step);
+            }
+        }
+        (1.0 - made / whole).abs()
+    } else {
+        metric::NOT_FINITE
+    };
+    Ok(Outcome { value, size: film.size, worst: test, truth: end, exposure: 1.0 })
+}
+
+/// A ball on a floor under a bright ceiling panel, so wide that its light is found at once.
+fn lit(at: Vec3) -> World {
+    World {
+        lamp: Some(Lamp { at: vec2(0.6, -1.0), half: 0.9, radiance: Vec3::splat(1.6) }),
+        things: vec![Thing::ball(0.25, 0.5, at)],
+        ..room(|p, n| 0.4 * colourful(p, n), vec3(0.0, -1.2, -1.6), 60.0)
+    }
+}
+
+fn moving_caster(run: &Run) -> Result<Outcome> {
+    let frames = run.count(28, 20);
+    let film =
+        Film::moving(run.size(), frames, move |n| lit(vec3(0.65 - 0.06 * (frames - 1 - n) as f32, FLOOR + 0.25, -1.6)));
+    let film = Film { warmup: 8, ..film };
+    let pictures = run.play(&film)?;
+    let truths: Vec<_> = (frames - 8..frames).map(|n| run.truth(&film, 0, n)).collect();
+    let texels: Vec<Texels> = truths.iter().map(|truth| truth.texels.clone()).collect();
+    // the floor that the shadow passes; not the ball, whose own shading goes with it
+    let floor = |i: &usize| truths.iter().all(|truth| truth.coverage[*i] == 1.0 && truth.position[*i].y < FLOOR + 1e-3);
+    let passed = |i: &usize| truths.iter().any(|truth| truth.changed(0.02)[*i]);
+    let mask: Vec<bool> = (0..texels[0].len()).map(|i| floor(&i) && passed(&i)).collect();
+    let value = if pictures.iter().all(|picture| metric::is_finite(picture)) {
+        let test = Frames { subject: "picture", size: film.size, frames: &pictures[frames - 8..] };
+        let truth = Frames { subject: "truth", size: film.size, frames: &texels };
+        ghost_energy(test, truth, Some(&mask), 1.0)?.max(0.0)
+    } else {
+        metric::NOT_FINITE
+    };
+    let (worst, truth) = (pictures[frames - 1].clone(), texels[7].clone());
+    Ok(Outcome { value, size: film.size, worst, truth, exposure: 1.0 })
+}
+
+fn teleport(run: &Run) -> Result<Outcome> {
+    let (before, frames) = (3, 8);
+    let at = |x: f32| lit(vec3(x, FLOOR + 0.25, -1.6));
+    let film = Film::moving(run.size(), frames, move |n| at(if n <= before { -0.55 } else { 0.55 }));
+    let fresh = Film::still(run.size(), 32, move || at(0.55));
+    left(run, &Film { warmup: 24, ..film }, &fresh, before, false)
+}
+
+fn light_switched_off(run: &Run) -> Result<Outcome> {
+    let (before, frames) = (3, 8);
+    let on = || lit(vec3(0.1, FLOOR + 0.25, -1.6));
+    let film = Film::moving(run.size(), frames, move |n| World { lamp: on().lamp.filter(|_| n <= before), ..on() });
+    let fresh = Film::still(run.size(), 32, move || World { lamp: None, ..on() });
+    left(run, &Film { warmup: 24, video: true, ..film }, &fresh, before, false)
+}
+
+fn cut(run: &Run) -> Result<Outcome> {
+    fn after() -> World {
+        let green = |p: Vec3, normal: Vec3| {
+            if p.x < -1.9 { vec3(1.0, 0.9, 0.5) } else { vec3(0.15, 0.35, 0.2) * colourful(p, normal) }
+        };
+        let room = Block { low: vec3(-2.0, FLOOR, -3.5), high: vec3(4.0, 1.6, 2.0) };
+        World { room, lamp: None, paint: green, ..lit(vec3(0.1, FLOOR + 0.25, -1.6)) }
+    }
+    let film = Film::moving(run.size(), 8, |n| if n <= 3 { lit(vec3(0.1, FLOOR + 0.25, -1.6)) } else { after() });
+    left(run, &Film { warmup: 24, video: true, ..film }, &Film::still(run.size(), 32, after), 3, true)
+}
+
+fn fast_pan(run: &Run) -> Result<Outcome> {
+    let film = Film::moving(run.size(), 14, |n| {
+        let world = lit(vec3(0.1, FLOOR + 0.45, -1.4));
+        let turn = Quat::from_rotation_y((6.0 * (n.max(2) as f32 - 8.0)).to_radians());
+        World { eye: Eye { target: turn * vec3(0.0, -1.0, -1.5), ..world.eye }, ..world }
+    });
+    worst_flip(run, &Film { warmup: 8, ..film }, 4..14)
+}
+
+/// A camera that goes past a ball, 3 cm a frame.
+fn dolly(size: [u32; 2], frames: usize) -> Film {
+    let film = Film::moving(size, frames, |n| {
+        let world = lit(vec3(0.1, FLOOR + 0.3, -1.6));
+        let aside = 0.03 * n as f32 - 0.3;
+        World { eye: Eye { at: vec3(aside, 0.1, 0.2), target: vec3(0.5 * aside, -1.1, -1.6), fov_y: 50.0 }, ..world }
+    });
+    Film { warmup: 8, ..film }
+}
+
+fn moving_camera(run: &Run) -> Result<Outcome> {
+    let frames = run.count(20, 14);
+    let film = dolly(run.size(), frames);
+    let pictures = run.play(&film)?;
+    let measured = frames - 8..frames;
+    let truths: Vec<_> = measured.clone().map(|n| run.truth(&film, 0, n)).collect();
+    let texels: Vec<Texels> = truths.iter().map(|truth| truth.texels.clone()).collect();
+    let masks: Vec<Vec<bool>> = truths.iter().map(|truth| truth.concerned()).collect();
+    let mask: Vec<bool> = (0..texels[0].len()).map(|i| masks.iter().any(|mask| mask[i])).collect();
+    let last = &pictures[frames - 1];
+    let value = if pictures.iter().all(|picture| metric::is_finite(picture)) {
+        let test = Frames { subject: "picture", size: film.size, frames: &pictures[measured] };
+        let truth = Frames { subject: "truth", size: film.size, frames: &texels };
+        (255.0 * warped_difference(test, truth, None, Some(&mask), 1.0)?).max(0.0)
+    } else {
+        metric::NOT_FINITE
+    };
+    Ok(Outcome { value, size: film.size, worst: last.clone(), truth: texels[7].clone(), exposure: 1.0 })
+}
+
+fn motion_vectors(run: &Run) -> Result<Outcome> {
+    let frames = run.count(20, 14);
+    worst_flip(run, &dolly(run.size(), frames), frames - 6..frames)
+}
+
+fn orange() -> World {
+    let mut world = lit(vec3(0.1, FLOOR + 0.3, -1.7));
+    world.things[0].albedo = vec3(0.9, 0.3, 0.05);
+    world
+}
+
+fn moving_furniture(run: &Run) -> Result<Outcome> {
+    let frames = run.count(24, 16);
+    let film = Film::moving(run.size(), frames, move |n| {
+        let at = 0.35 + 0.05 * (frames - 1 - n) as f32;
+        World { furniture: vec![Block::around(vec3(at, -0.6, -1.1), vec3(0.6, 1.0, 0.06))], ..orange() }
+    });
+    let film = Film { warmup: 8, video: true, ..film };
+    // where the ball is, hidden or not
+    let bare = Film::still(run.size(), 1, orange);
+    let disc = run.truth(&bare, 1, 0).shows_things();
+    run.worst(&film, frames - 8..frames, |test, truth| metric::flip(truth.size, test, &truth.texels, &disc, 1.0))
+}

@@ -1,0 +1,209 @@
+//! The stability suite: short sequences in which methods of this kind fail, each with a number, a limit and a picture, for `ibl`,
+//! `paper` and `iprt` side by side. What is asked in each case, and what was measured, is in `docs/stability.md`.
+//!
+//! A [`Case`] is a value. Its truth is computed wherever it can be ([`world`]); where not, the case asks for an invariant: turning the
+//! panorama, a repeat with the same seed, an equilibrium. Each case names deliberate faults ([`Broken`]) that it must notice.
+
+pub mod cases;
+pub mod film;
+pub mod metric;
+pub mod report;
+pub mod world;
+
+use crate::{
+    Result,
+    gpu::Gpu,
+    passes::{fault::Fault, view::Projection},
+    renderer::{RenderOptions, Renderer},
+    scene::Scene,
+    settings::{Method, Settings},
+};
+use film::Film;
+use metric::Texels;
+use std::{
+    collections::HashMap,
+    sync::{Arc, Mutex, PoisonError},
+};
+use world::Truth;
+
+/// The methods, as tables show them.
+pub const METHODS: [Method; 3] = [Method::Ibl, Method::Paper, Method::Iprt];
+
+/// One question.
+#[derive(Clone, Copy)]
+pub struct Case {
+    /// For the command line.
+    pub name: &'static str,
+    /// What it asks, in a sentence.
+    pub asks: &'static str,
+    /// What the number is.
+    pub metric: &'static str,
+    /// Its unit, or empty.
+    pub unit: &'static str,
+    /// The largest value that passes.
+    pub limit: f64,
+    /// Why this limit.
+    pub reason: &'static str,
+    /// What it must notice. The last column of broken renderers.
+    pub catches: &'static [Broken],
+    /// Methods that theory says must fail.
+    pub must_fail: &'static [Method],
+    /// Does it.
+    pub run: fn(&Run) -> Result<Outcome>,
+}
+
+/// A renderer that is broken on purpose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Broken {
+    /// By a hook in its code.
+    Fault(Fault),
+    /// By a setting.
+    Setting(&'static str, &'static str),
+}
+
+/// What came out.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The number; [`metric::NOT_FINITE`] where a picture is not finite.
+    pub value: f64,
+    /// Width and height of the pictures.
+    pub size: [u32; 2],
+    /// The worst frame.
+    pub worst: Texels,
+    /// What it should be.
+    pub truth: Texels,
+    /// Factor on radiance to show them.
+    pub exposure: f32,
+}
+
+/// What runs of a suite share: the device, with its passes, and the truths.
+pub struct Suite {
+    gpu: Gpu,
+    quick: bool,
+    truths: Mutex<HashMap<(&'static str, usize), Arc<Truth>>>,
+}
+
+impl Suite {
+    /// On a device. `quick`: smaller pictures, fewer frames.
+    pub fn new(gpu: &Gpu, quick: bool) -> Self {
+        Self { gpu: gpu.keeping_passes(), quick, truths: Mutex::default() }
+    }
+
+    /// Runs a case.
+    ///
+    /// # Errors
+    /// The renderer's.
+    pub fn run(&self, case: &Case, method: Method, broken: Option<Broken>) -> Result<Outcome> {
+        (case.run)(&Run { suite: self, case: case.name, method, broken })
+    }
+}
+
+/// A case being run.
+pub struct Run<'a> {
+    suite: &'a Suite,
+    case: &'static str,
+    /// The method.
+    pub method: Method,
+    /// What is broken.
+    pub broken: Option<Broken>,
+}
+
+impl Run<'_> {
+    /// The usual picture, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        if self.suite.quick { [48, 32] } else { [96, 64] }
+    }
+
+    /// A number that is smaller in quick runs.
+    pub fn count(&self, full: usize, quick: usize) -> usize {
+        if self.suite.quick { quick } else { full }
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.suite.gpu
+    }
+
+    /// The method's settings, some of them set, what is broken last.
+    ///
+    /// # Errors
+    /// An unknown setting.
+    pub fn options(&self, size: [u32; 2], set: &[(&str, &str)]) -> Result<RenderOptions> {
+        let mut settings = Settings::of(self.method);
+        if self.suite.quick {
+            settings.relight_width = settings.relight_width.min(64);
+        }
+        for (name, value) in set {
+            settings.set(name, value, self.case)?;
+        }
+        if let Some(Broken::Setting(name, value)) = self.broken {
+            settings.set(name, value, self.case)?;
+        }
+        let projection = Projection::Perspective;
+        Ok(RenderOptions { size, method: self.method, settings, projection, seed: 1, without_objects: false })
+    }
+
+    /// A renderer for a scene.
+    ///
+    /// # Errors
+    /// The renderer's.
+    pub fn renderer(&self, scene: &Scene, options: RenderOptions) -> Result<Renderer> {
+        let fault = match self.broken {
+            Some(Broken::Fault(fault)) => fault,
+            _ => Fault::None,
+        };
+        Renderer::with_fault(self.gpu(), scene, options, fault)
+    }
+
+    /// Every frame of a film.
+    ///
+    /// # Errors
+    /// The renderer's.
+    pub fn play(&self, film: &Film) -> Result<Vec<Texels>> {
+        let scene = film.scene()?;
+        let mut renderer = self.renderer(&scene, self.options(film.size, &film.set)?)?;
+        let warmup = if self.method == Method::Reference { 256 } else { film.warmup };
+        for _ in 0..warmup {
+            renderer.render(&scene, 0.0)?;
+        }
+        let frame = |n| {
+            renderer.render(&scene, film.time(n))?;
+            renderer.picture()
+        };
+        (0..film.frames).map(frame).collect()
+    }
+
+    /// The truth of a frame, computed once for all methods; `which` numbers the films of a case.
+    pub fn truth(&self, film: &Film, which: usize, frame: usize) -> Arc<Truth> {
+        let key = (self.case, which * 100_000 + frame);
+        let known = self.suite.truths.lock().unwrap_or_else(PoisonError::into_inner).get(&key).cloned();
+        known.unwrap_or_else(|| {
+            let truth = Arc::new(film.truth(frame));
+            self.suite.truths.lock().unwrap_or_else(PoisonError::into_inner).insert(key, truth.clone());
+            truth
+        })
+    }
+
+    /// Plays a film and takes the worst of some of its frames.
+    ///
+    /// # Errors
+    /// The renderer's; what `value` returns.
+    pub fn worst(
+        &self,
+        film: &Film,
+        frames: impl IntoIterator<Item = usize>,
+        value: impl Fn(&Texels, &Truth) -> Result<f64>,
+    ) -> Result<Outcome> {
+        let pictures = self.play(film)?;
+        let mut worst: Option<Outcome> = None;
+        for n in frames {
+            let truth = self.truth(film, 0, n);
+            let value = value(&pictures[n], &truth)?;
+            if worst.as_ref().is_none_or(|w| value > w.value) {
+                let (worst_picture, truth) = (pictures[n].clone(), truth.texels.clone());
+                worst = Some(Outcome { value, size: film.size, worst: worst_picture, truth, exposure: 1.0 });
+            }
+        }
+        worst.ok_or_else(|| crate::Error::Internal(format!("{}: no frame is measured", self.case)))
+    }
+}
