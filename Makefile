@@ -15,7 +15,7 @@ demo: build
 ROOM = $(wildcard $(IPRT_DATA)/rooms/room/scene.toml)
 results: build
 	target/release/iprt chart apartment bedroom gallery $(ROOM) -o out/results --sweep methods \
-		--size 256x144 --truth-spp 128 --rounds 2 --markdown docs/results.md
+		--size 160x90 --truth-spp 128 --rounds 2 --markdown docs/results.md
 
 # A small chart of the settings, made within ten minutes on two cores.
 chart: build

@@ -200,9 +200,9 @@ mod tests {
     fn shadow() -> (RealView, Truth, Truth, Truth) {
         let third = |i: usize| i % 24 / 8;
         let without = grey(|_| 0.5);
-        let with = grey(|i| [0.9, 0.25, 0.5][third(i)]);
+        let with = grey(|i| [0.7, 0.25, 0.5][third(i)]);
         let camera_radiance = grey(|_| 0.45);
-        let model = grey(|i| [0.9, 0.225, 0.45][third(i)]);
+        let model = grey(|i| [0.7, 0.225, 0.45][third(i)]);
         let real_coverage = (0..384).map(|i| if third(i) == 0 { 0.0 } else { 1.0 }).collect();
         (RealView { camera_radiance, real_coverage }, exact(&model), exact(&with), exact(&without))
     }
@@ -230,7 +230,7 @@ mod tests {
         let (view, model, with, without) = shadow();
         let scorer =
             Scorer::new(&view, found(&view, &with, &without), &model, Some([&with, &without]), 1.0).expect("scores");
-        let lit = grey(|i| if i % 24 < 8 { 0.9 } else { 0.45 });
+        let lit = grey(|i| if i % 24 < 8 { 0.7 } else { 0.45 });
         let score = scorer.score(&lit).expect("scores").scene.expect("known");
         assert!((score.virtual_.expect("an object").rmse) < 1e-6);
         // 8 of 10 columns lack a shadow of 0.225
