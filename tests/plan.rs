@@ -193,7 +193,15 @@ fn in_scenes_made_for_it_the_plan_is_right() {
         };
 
         let diffuse = || scene(lit_room(0.7), look.clone(), vec![ball(0.3, lambert(0.6), hovering)]);
-        let none = [Part::OffCentre, Part::Video, Part::RadiancePyramid, Part::Emission, Part::Textures, Part::Motion];
+        let none = [
+            Part::OffCentre,
+            Part::Video,
+            Part::RadiancePyramid,
+            Part::Emission,
+            Part::Textures,
+            Part::Motion,
+            Part::Interpolate,
+        ];
         let of_diffuse = [&none[..], &[Part::LightTable, Part::Specular, Part::Bounces]].concat();
         run(Case::new("one diffuse object", diffuse(), &still), true, &of_diffuse, &[Part::Relight, Part::RealTracer]);
 

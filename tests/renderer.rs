@@ -181,7 +181,7 @@ fn every_barrier_is_needed() {
         let track = camera(Vec3::ZERO, Vec3::NEG_Z, 60.0);
         let things = vec![ball(0.3, lambert(0.5), vec3(0.1, -0.2, -1.4))];
         let scene = Scene::assemble("test", video, track, things, RenderSettings::default()).expect("a good scene");
-        let set = [("relight_levels", "2"), ("relight_width", "32")];
+        let set = [("relight_levels", "2"), ("relight_width", "32"), ("interpolate", "true")];
         let coarse = RenderOptions { size: [12, 8], ..options(Method::Iprt, &set) };
         let mut renderer = rendered(gpu, &scene, coarse, 1);
         let barriers = renderer.barriers();

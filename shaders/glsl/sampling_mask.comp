@@ -2,10 +2,11 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 2, sampling_mask: which pixels trace this frame, compacted into one list for real and one for virtual surfaces, and
 // the 8×8 tiles that the later passes visit. (IPRT §2, "sparse sampling mask".)
-// In: position, normal, coverage, motion, history length. Out: mask (0 nothing there, 1 traced, 2 interpolated), lists, arguments; irradiance_a, _b of what nothing will fill.
+// In: position, normal, coverage, motion; history: position, normal, motion, length. Out: mask (0 nothing there, 1 traced, 2 interpolated), lists, arguments; irradiance_a, _b of what nothing will fill.
 #include "common.glsl"
 #include "parts.glsl"
 #include "list.glsl"
+#include "history.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
@@ -77,9 +78,12 @@ bool traced(ivec2 p, int layer) {
     if (in_turn(p, push.by_discontinuity != 0u ? discontinuity_share(p, layer) : in_view.view.rays_per_16)) return true;
     if (layer == VIRTUAL && imageLoad(in_normal, ivec3(p, VIRTUAL)).w < push.sharp_roughness) return true;
     // newly seen surfaces trace every pixel until they have some history
-    if (push.history_valid == 0u) return push.short_history > 0u;
-    ivec2 q = ivec2(floor(vec2(p) + 0.5 + imageLoad(in_motion, ivec3(p, layer)).xy));
-    return push.short_history > 0u && (!neighbour(q) || imageLoad(history_moments, ivec3(q, layer)).z < float(push.short_history));
+    if (push.short_history == 0u || push.history_valid == 0u) return push.short_history > 0u;
+    vec4 motion = imageLoad(in_motion, ivec3(p, layer));
+    if (motion.z <= 0.0) return true;
+    ivec2 q = ivec2(floor(vec2(p) + 0.5 + motion.xy));
+    return history_weight(q, layer, motion, imageLoad(in_normal, ivec3(p, layer)).xyz) == 0.0
+        || imageLoad(history_moments, ivec3(q, layer)).z < float(push.short_history);
 }
 
 void append(uint list, uint count, uint per_group) {

@@ -7,6 +7,7 @@
 #include "common.glsl"
 #include "parts.glsl"
 #include "list.glsl"
+#include "history.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 2) const uint CLAMP = 1;
 
@@ -18,9 +19,6 @@ layout(set = 0, binding = 43, scalar) readonly buffer Tiles { uint item[]; } in_
 layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; } in_arguments;
 layout(set = 0, binding = 45, rgba32f) uniform readonly image2DArray in_irradiance_a;
 layout(set = 0, binding = 46, rgba32f) uniform readonly image2DArray in_irradiance_b;
-layout(set = 0, binding = 50, rgba32f) uniform readonly image2DArray history_position;
-layout(set = 0, binding = 51, rgba16f) uniform readonly image2DArray history_normal;
-layout(set = 0, binding = 52, rgba32f) uniform readonly image2DArray history_motion;
 layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray history_a;
 layout(set = 0, binding = 54, rgba32f) uniform readonly image2DArray history_b;
 layout(set = 0, binding = 55, rgba32f) uniform readonly image2DArray history_moments;
@@ -29,16 +27,6 @@ layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_b;
 layout(set = 0, binding = 58, rgba32f) uniform writeonly image2DArray out_moments;
 
 layout(push_constant, scalar) uniform Push { uint history_valid; uint filtered; float clamp_spread; } push;
-
-// A history texel counts if it was this surface: same object, at the distance this point then had, facing alike.
-float history_weight(ivec2 q, int layer, vec4 motion, vec3 normal) {
-    if (!neighbour(q)) return 0.0;
-    vec4 then = imageLoad(history_position, ivec3(q, layer));
-    if (FAULT == FAULT_NO_DISOCCLUSION) return then.w > 0.0 ? 1.0 : 0.0;
-    if (then.w <= 0.0 || imageLoad(history_motion, ivec3(q, layer)).w != motion.w) return 0.0;
-    if (abs(then.w - motion.z) > 0.03 * motion.z) return 0.0;
-    return dot(imageLoad(history_normal, ivec3(q, layer)).xyz, normal) > 0.85 ? 1.0 : 0.0;
-}
 
 void main() {
     if (list_group() >= in_arguments.word[LIST_TILES + 3u]) return;

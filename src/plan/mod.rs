@@ -15,7 +15,7 @@ use crate::{
     Result,
     renderer::RenderOptions,
     scene::Scene,
-    settings::{Directions, MaskBy, Method, RealTracer, Settings, VirtualTracer},
+    settings::{Directions, FilterOrder, MaskBy, Method, RealTracer, Settings, VirtualTracer},
 };
 
 /// A part of the model, in the order of the frame.
@@ -338,6 +338,14 @@ impl Plan {
                 (false, format!("rays_per_pixel = {}", settings.rays_per_pixel))
             }
             Part::SamplingMask => (true, "a share of the pixels is traced each frame".to_owned()),
+            // sampling_mask traces whatever temporal would find no history for, and an interpolated value adds nothing to one
+            Part::Interpolate
+                if self.on(Part::Temporal)
+                    && settings.short_history > 0
+                    && settings.filter_order == FilterOrder::TemporalFirst =>
+            {
+                (false, "what is not traced has a history".to_owned())
+            }
             Part::Interpolate => (true, "pixels are left untraced".to_owned()),
             Part::Atrous => (true, format!("{}", count(settings.atrous_levels as usize, "level", "levels"))),
         }

@@ -160,9 +160,9 @@ fn red_back(p: Vec3, normal: Vec3) -> Vec3 {
 
 fn unseen_mirror(run: &Run) -> Result<Outcome> {
     let film = Film::still(run.size(), 16, || World {
-        furniture: vec![Block::around(vec3(-0.45, -0.3, -1.1), vec3(0.9, 1.4, 0.06))],
-        things: vec![Thing { mirror: true, ..Thing::block(vec3(1.6, 1.2, 0.04), 0.0, vec3(0.7, -0.2, -2.2)) }],
-        ..room(red_back, vec3(0.25, -0.25, -1.5), 55.0)
+        furniture: vec![Block::around(vec3(0.8, -0.5, -1.1), vec3(0.6, 1.8, 0.06))],
+        things: vec![Thing { mirror: true, ..Thing::block(vec3(1.2, 1.4, 0.04), 0.0, vec3(0.35, -0.3, -2.2)) }],
+        ..room(red_back, vec3(0.3, -0.25, -1.5), 55.0)
     });
     run.worst(&film, [0], |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.shows_things(), 1.0))
 }
