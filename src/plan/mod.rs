@@ -347,7 +347,7 @@ impl Plan {
                 (false, "what is not traced has a history".to_owned())
             }
             Part::Interpolate => (true, "pixels are left untraced".to_owned()),
-            Part::Atrous => (true, format!("{}", count(settings.atrous_levels as usize, "level", "levels"))),
+            Part::Atrous => (true, count(settings.atrous_levels as usize, "level", "levels")),
         }
     }
 

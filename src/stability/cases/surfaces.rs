@@ -54,7 +54,7 @@ pub const CASES: &[Case] = &[
         unit: "",
         limit: SEEN,
         reason: SEEN_WHY,
-        catches: &[Broken::Setting("real_tracer", "direction")],
+        catches: &[Broken::Setting("specular", "off")],
         must_fail: &[],
         run: unseen_mirror,
     },
