@@ -1,5 +1,7 @@
 //! The frame, from top to bottom.
 
+mod aov;
+
 use crate::{
     Error, Result,
     gpu::{Format, Frame, Gpu, Image, Timings},
@@ -16,11 +18,10 @@ use crate::{
         normals::Normals,
         panorama::{Needs, Panorama},
         radiance_pyramid::RadiancePyramid,
-        resources::Resource,
         sampling_mask::SamplingMask,
         scene::SceneBuffers,
         temporal::{self, Temporal},
-        view::{Projection, REAL, Role, SURFACE_IMAGES, VIRTUAL, View, ViewData, Viewpoint},
+        view::{Projection, Role, View, ViewData, Viewpoint},
     },
     plan::{Part, Plan},
     scene::{
@@ -503,145 +504,7 @@ impl Renderer {
     pub fn restart_picture(&mut self) {
         self.picture.history_reset = Some("another picture is begun");
     }
-
-    /// The picture: linear radiance, RGBA, row 0 at the top.
-    pub fn picture(&self) -> Result<Vec<[f32; 4]>> {
-        self.aov("radiance")
-    }
-
-    /// Standard error of the accumulated irradiance, relative to its mean: the root of the mean variance of each pixel's mean over
-    /// the mean luminance, real surfaces' change and virtual surfaces' lobes together. 0 where nothing is accumulated.
-    pub fn standard_error(&self) -> Result<f64> {
-        let (mut variance, mut mean) = (0.0, 0.0);
-        for image in ["a", "b"].iter().filter_map(|name| self.picture.resources.image(name)) {
-            for layer in 0..image.layers() {
-                for [r, g, b, v] in self.gpu.read_image(image, layer)? {
-                    variance += f64::from(v.max(0.0));
-                    mean += f64::from(0.2126 * r + 0.7152 * g + 0.0722 * b).abs();
-                }
-            }
-        }
-        let pixels = f64::from(self.options.size[0]) * f64::from(self.options.size[1]);
-        Ok(if mean > 0.0 { (variance / pixels).sqrt() / (mean / pixels) } else { 0.0 })
-    }
-
-    /// Names of all that [`Renderer::aov`] gives.
-    pub fn aov_names(&self) -> Vec<String> {
-        let derived = DERIVED.iter().map(|(name, _)| (*name).to_owned());
-        let images = self.picture.resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_)));
-        let of_surfaces = |name: &str| LAYERS.map(|layer| format!("{name}_{layer}")).to_vec();
-        let names = images.flat_map(|(name, _)| match SURFACE_IMAGES.contains(name) {
-            true => of_surfaces(name),
-            false => vec![(*name).to_owned()],
-        });
-        derived.chain(names).filter(|name| self.source(name).is_ok()).collect()
-    }
-
-    /// Whether [`Renderer::aov`] gives an image of this name.
-    ///
-    /// # Errors
-    /// A name that nothing has, or that of an image which the plan leaves out, and why.
-    pub fn require_aov(&self, name: &str) -> Result<()> {
-        self.source(name).map(|_| ())
-    }
-
-    /// An image of the last frame by name, as RGBA: `position_real`, `normal_virtual`, `camera_radiance`, …, and the derived
-    /// `irradiance_real` (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`, `object_id`,
-    /// and `motion` and `position` of the surface that covers more of the pixel.
-    pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
-        let (image, layer) = self.source(name)?;
-        let mut texels = self.gpu.read_image(image, layer)?;
-        match name {
-            "object_id" => texels.iter_mut().for_each(|t| *t = [t[3], t[3], t[3], 1.0]),
-            "irradiance_mixed" => {
-                let [_, change] = filtered(&self.picture, &self.plan.settings)?;
-                for (t, c) in texels.iter_mut().zip(self.gpu.read_image(change, REAL)?) {
-                    *t = [t[0] + c[0], t[1] + c[1], t[2] + c[2], 1.0];
-                }
-            }
-            "motion" | "position" if image.layers() > 1 => {
-                let objects = self.gpu.read_image(image, VIRTUAL)?;
-                let coverage: Vec<[f32; 4]> = self.gpu.read_image(self.picture.image("real_coverage")?, 0)?;
-                for ((seen, object), [real, ..]) in texels.iter_mut().zip(objects).zip(coverage) {
-                    if real < 0.5 {
-                        *seen = object;
-                    }
-                }
-            }
-            "motion" | "position" => {}
-            _ if DERIVED.iter().any(|(derived, _)| *derived == name) => texels.iter_mut().for_each(|t| t[3] = 1.0),
-            _ => {}
-        }
-        Ok(texels)
-    }
-
-    /// The image behind a name, and its layer.
-    fn source(&self, name: &str) -> Result<(&Image, u32)> {
-        let resources = &self.picture.resources;
-        let left_out = |part: Part| {
-            let problem = format!("\"{name}\" is left out: {}", self.plan.reason(part));
-            let set = part.forced(true, self.options.method);
-            let set: Vec<_> = set.iter().map(|(setting, value)| format!("--set {setting}={value}")).collect();
-            Error::input("--aov", problem, format!("leave it out, or add {}", set.join(" ")))
-        };
-        let layer = |image: &'static str, layer: u32| match resources.image(image) {
-            Some(found) if layer < found.layers() => Ok((found, layer)),
-            None => Err(left_out(resources.absent(image).unwrap_or(Part::Objects))),
-            Some(_) if self.plan.on(Part::VirtualSurfaces) => Err(left_out(Part::Specular)),
-            Some(_) => Err(left_out(Part::VirtualSurfaces)),
-        };
-        if let Some((_, from)) = DERIVED.iter().find(|(derived, _)| *derived == name) {
-            let (at, b) = match from {
-                Derived::A(at) => (*at, false),
-                Derived::B(at) => (*at, true),
-                Derived::Id => return layer("motion", VIRTUAL),
-                Derived::Seen(image) => return layer(image, REAL),
-            };
-            if !self.plan.on(Part::Objects) {
-                return Err(left_out(Part::Objects));
-            }
-            return layer(filtered_names(&self.plan.settings)[usize::from(b)], at);
-        }
-        for (known, _) in resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_))) {
-            if !SURFACE_IMAGES.contains(known) {
-                if *known == name {
-                    return layer(known, 0);
-                }
-            } else if let Some(suffix) = name.strip_prefix(known).and_then(|rest| rest.strip_prefix('_'))
-                && let Some(at) = LAYERS.iter().position(|layer| *layer == suffix)
-            {
-                return layer(known, at as u32);
-            }
-        }
-        Err(Error::input(
-            "--aov",
-            format!("there is no image \"{name}\""),
-            format!("choose from all, {}", self.aov_names().join(", ")),
-        ))
-    }
 }
-
-/// Where a derived image comes from: a layer of a or b after all filters, the ids, or whichever layer covers more of a pixel.
-enum Derived {
-    A(u32),
-    B(u32),
-    Id,
-    Seen(&'static str),
-}
-
-/// Images that are put together on reading.
-const DERIVED: [(&str, Derived); 7] = [
-    ("irradiance_real", Derived::A(REAL)),
-    ("irradiance_mixed", Derived::A(REAL)),
-    ("irradiance_virtual", Derived::A(VIRTUAL)),
-    ("radiance_specular", Derived::B(VIRTUAL)),
-    ("object_id", Derived::Id),
-    ("motion", Derived::Seen("motion")),
-    ("position", Derived::Seen("position")),
-];
-
-/// The two layers of per-surface images.
-const LAYERS: [&str; 2] = ["real", "virtual"];
 
 /// The names of what [`filtered`] gives.
 fn filtered_names(settings: &Settings) -> [&'static str; 2] {

@@ -1,64 +1,24 @@
 //! The program as users run it: exit codes, one clear line on stderr, files that are what was asked for, no panic.
 
-use std::{
-    path::{Path, PathBuf},
-    process::{Command, Output},
-};
+mod folder;
+
+use folder::Folder;
+use std::path::Path;
 
 /// A folder with a small scene: a box room, a ball in it.
-struct Folder(tempfile::TempDir);
+fn scene_folder() -> Folder {
+    let folder = Folder::empty();
+    let texels = |x: u32, y: u32| image::Rgb([(4 * x) as u8, (8 * y) as u8, 90]);
+    image::RgbImage::from_fn(64, 32, texels).save(folder.path("room.png")).expect("writes");
+    folder.write("scene.toml", SCENE);
+    folder
+}
 
-impl Folder {
-    fn new() -> Self {
-        let folder = Self(tempfile::tempdir().expect("a folder"));
-        let texels = |x: u32, y: u32| image::Rgb([(4 * x) as u8, (8 * y) as u8, 90]);
-        image::RgbImage::from_fn(64, 32, texels).save(folder.path("room.png")).expect("writes");
-        folder.write("scene.toml", SCENE);
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        std::fs::write(self.path(name), text).expect("writes");
-    }
-
-    /// Runs `iprt` in this folder.
-    fn run(&self, arguments: &str) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_iprt"));
-        command.args(arguments.split_whitespace()).current_dir(&self.0).env_remove("IPRT_VALIDATION");
-        let output = command.output().expect("runs");
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(!stderr.contains("panicked"), "iprt {arguments}: {stderr}");
-        output
-    }
-
-    fn succeeds(&self, arguments: &str) -> String {
-        let output = self.run(arguments);
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(0), "iprt {arguments}: {stderr}");
-        String::from_utf8(output.stdout).expect("UTF-8")
-    }
-
-    /// Runs it and demands this exit status, and one line on stderr that holds these words.
-    fn fails(&self, arguments: &str, status: i32, words: &[&str]) {
-        let output = self.run(arguments);
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(status), "iprt {arguments}: {stderr}");
-        assert_eq!(stderr.trim_end().lines().count(), 1, "iprt {arguments}: {stderr}");
-        for word in words {
-            assert!(stderr.contains(word), "iprt {arguments}: no \"{word}\" in {stderr}");
-        }
-    }
-
-    /// What there is beside the scene's own files.
-    fn others(&self) -> Vec<String> {
-        let files = self.0.path().read_dir().expect("readable");
-        let names = files.map(|f| f.expect("readable").file_name().to_string_lossy().into_owned());
-        names.filter(|name| name != "scene.toml" && name != "room.png").collect()
-    }
+/// What there is in it beside the scene's own files.
+fn others(folder: &Folder) -> Vec<String> {
+    let files = folder.root().read_dir().expect("readable");
+    let names = files.map(|f| f.expect("readable").file_name().to_string_lossy().into_owned());
+    names.filter(|name| name != "scene.toml" && name != "room.png").collect()
 }
 
 const SCENE: &str = r#"
@@ -77,7 +37,7 @@ translation = [0, -0.2, -1.5]
 
 #[test]
 fn what_the_user_got_wrong_is_told_in_one_line() {
-    let folder = Folder::new();
+    let folder = scene_folder();
     for (arguments, words) in [
         ("render nowhere.toml -o a.png", &["nowhere.toml"][..]),
         ("render scene.toml -o a.png --set sampling_msk=true", &["sampling_msk", "did you mean \"sampling_mask\""]),
@@ -111,7 +71,7 @@ fn what_the_user_got_wrong_is_told_in_one_line() {
         ("scene export attic -o m", &["attic", "apartment, bedroom, gallery"]),
         ("scene export bedroom -o .", &["empty"]),
     ] {
-        folder.fails(arguments, 2, words);
+        folder.fails_by(arguments, 2, words);
     }
     for arguments in
         ["render scene.toml -o a.png --sise 4x4", "rander", "render scene.toml", "render -o a.png --seed x"]
@@ -120,20 +80,20 @@ fn what_the_user_got_wrong_is_told_in_one_line() {
         assert_eq!(output.status.code(), Some(2), "iprt {arguments}");
         assert!(!output.stderr.is_empty() && output.stdout.is_empty(), "iprt {arguments}");
     }
-    assert!(folder.others().is_empty(), "nothing is left behind: {:?}", folder.others());
+    assert!(others(&folder).is_empty(), "nothing is left behind: {:?}", others(&folder));
 }
 
 #[test]
 fn a_device_that_is_not_there_is_another_kind_of_error() {
-    let folder = Folder::new();
-    folder.fails("render scene.toml -o a.png --device nonexistent", 3, &["nonexistent"]);
-    folder.fails("bench scene.toml --device 99", 3, &["99"]);
-    assert!(folder.others().is_empty());
+    let folder = scene_folder();
+    folder.fails_by("render scene.toml -o a.png --device nonexistent", 3, &["nonexistent"]);
+    folder.fails_by("bench scene.toml --device 99", 3, &["99"]);
+    assert!(others(&folder).is_empty());
 }
 
 #[test]
 fn pictures_have_the_size_and_layers_asked_for() {
-    let folder = Folder::new();
+    let folder = scene_folder();
     let printed = folder.succeeds("render scene.toml -o a.png --warmup 1 --validation");
     assert_eq!(printed.trim(), "a.png");
     let picture = image::open(folder.path("a.png")).expect("a PNG");
@@ -165,7 +125,7 @@ fn pictures_have_the_size_and_layers_asked_for() {
     // a picture that is there is replaced whole
     folder.succeeds("render scene.toml -o a.png --size 1x1 --warmup 0 -q");
     assert_eq!(image::open(folder.path("a.png")).expect("a PNG").width(), 1);
-    let mut left = folder.others();
+    let mut left = others(&folder);
     left.sort();
     assert_eq!(left, ["a.exr", "a.png", "b_002.png", "b_003.png"]);
 }
@@ -176,7 +136,7 @@ fn json(path: &Path) -> serde_json::Value {
 
 #[test]
 fn bench_writes_its_schema() {
-    let folder = Folder::new();
+    let folder = scene_folder();
     let files = "--json b.json --csv b.csv --trace b.trace";
     let table = folder.succeeds(&format!("bench scene.toml --size 160x120 --frames 0..4 --warmup 2 -q {files}"));
     let report = json(&folder.path("b.json"));
@@ -260,7 +220,7 @@ fn bench_writes_its_schema() {
 
 #[test]
 fn a_plan_says_what_is_left_out_and_why() {
-    let folder = Folder::new();
+    let folder = scene_folder();
     let table = folder.succeeds("plan scene.toml --json plan.json -q");
     let report = json(&folder.path("plan.json"));
     let parts = report["parts"].as_array().expect("an array");
@@ -303,7 +263,7 @@ fn a_plan_says_what_is_left_out_and_why() {
 
 #[test]
 fn check_reports_every_problem() {
-    let folder = Folder::new();
+    let folder = scene_folder();
     assert!(folder.succeeds("check scene.toml").contains("no problems"));
     // first what the text says, then what the files hold
     let misspelt = SCENE.replace("shape = \"sphere\"", "shape = \"spere\"").replace("[camera]", "[camera]\nfov = 3");
@@ -318,13 +278,13 @@ fn check_reports_every_problem() {
         assert_eq!(stderr.lines().count(), 2, "one line a problem: {stderr}");
     }
     folder.write("broken.toml", "[panorama\ncolor = 3");
-    folder.fails("check broken.toml", 2, &["broken.toml"]);
-    folder.fails("render bad.toml -o a.png", 2, &["lost.glb"]);
+    folder.fails_by("check broken.toml", 2, &["broken.toml"]);
+    folder.fails_by("render bad.toml -o a.png", 2, &["lost.glb"]);
 }
 
 #[test]
 fn masks_tell_objects_and_their_influence_apart() {
-    let folder = Folder::new();
+    let folder = scene_folder();
     let printed = folder.succeeds("masks scene.toml -o out/masks --spp 16 --size 64x48");
     assert!(printed.contains("virtual.png") && printed.contains("influenced.png"), "{printed}");
     let mask = |name: &str| {
@@ -342,4 +302,27 @@ fn masks_tell_objects_and_their_influence_apart() {
     let both = hidden.pixels().zip(influenced.pixels()).filter(|(a, b)| a.0[0] == 255 && b.0[0] == 255).count();
     assert_eq!(both, 0);
     assert!(inside(&influenced) > 20.0, "at least the ring about the ball: {}", inside(&influenced));
+}
+
+#[test]
+fn the_stability_suite_reports_every_method() {
+    let folder = Folder::empty();
+    folder.succeeds("stability empty_scene determinism -o report --quick -q");
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path("report/stability.json")).expect("a report")).expect("JSON");
+    let cases = report["cases"].as_array().expect("a list");
+    let names: Vec<_> = cases.iter().map(|case| case["name"].as_str().expect("a name")).collect();
+    assert!(names.len() == 2 && names.contains(&"empty_scene") && names.contains(&"determinism"), "{names:?}");
+    let page = std::fs::read_to_string(folder.path("report/stability.html")).expect("a page");
+    for case in cases {
+        let (name, limit) = (case["name"].as_str().expect("a name"), case["limit"].as_f64().expect("a limit"));
+        assert!(case["metric"].is_string() && page.contains(name), "{case}");
+        for method in ["ibl", "paper", "iprt"] {
+            let result = &case["results"][method];
+            let value = result["value"].as_f64().expect("a value");
+            assert_eq!(result["pass"].as_bool(), Some(value <= limit), "{name}, {method}: {result}");
+            assert!(folder.path(&format!("report/{name}_{method}.png")).is_file(), "{name}, {method}");
+        }
+    }
+    folder.fails("stability contact_shado -o report --quick", &["contact_shado", "contact_shadow"]);
 }

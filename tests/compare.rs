@@ -1,60 +1,21 @@
 //! `compare --sequence` as users run it.
 
+mod folder;
+
+use folder::Folder;
 use iprt::image_file::{ExrLayer, write::write_exr};
-use std::{
-    path::{Path, PathBuf},
-    process::{Command, Output},
-};
+use std::path::Path;
 
-struct Folder(tempfile::TempDir);
+fn json(folder: &Folder, arguments: &str) -> serde_json::Value {
+    serde_json::from_str(&folder.succeeds(arguments)).expect("JSON")
+}
 
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().expect("a folder"))
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn run(&self, arguments: &str) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_iprt"));
-        command.args(arguments.split_whitespace()).current_dir(&self.0);
-        let output = command.output().expect("runs");
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(!stderr.contains("panicked"), "iprt {arguments}: {stderr}");
-        output
-    }
-
-    fn succeeds(&self, arguments: &str) -> String {
-        let output = self.run(arguments);
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(0), "iprt {arguments}: {stderr}");
-        String::from_utf8(output.stdout).expect("UTF-8")
-    }
-
-    fn json(&self, arguments: &str) -> serde_json::Value {
-        serde_json::from_str(&self.succeeds(arguments)).expect("JSON")
-    }
-
-    /// Demands exit status 2 and one line on stderr that holds these words.
-    fn fails(&self, arguments: &str, words: &[&str]) {
-        let output = self.run(arguments);
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "iprt {arguments}: {stderr}");
-        assert_eq!(stderr.trim_end().lines().count(), 1, "iprt {arguments}: {stderr}");
-        for word in words {
-            assert!(stderr.contains(word), "iprt {arguments}: no \"{word}\" in {stderr}");
-        }
-    }
-
-    /// Frames `numbers` of 20×12 pixels; `value` of frame and column.
-    fn frames(&self, name: &str, numbers: impl IntoIterator<Item = u32>, value: impl Fn(u32, u32) -> f32) {
-        for t in numbers {
-            let texels: Vec<_> = (0..20 * 12).map(|i| [value(t, i % 20), value(t, i % 20), 0.2, 1.0]).collect();
-            write_exr(&self.path(&format!("{name}_{t:03}.exr")), &[ExrLayer::rgb("", [20, 12], &texels)])
-                .expect("writes");
-        }
+/// Frames `numbers` of 20×12 pixels; `value` of frame and column.
+fn write_frames(folder: &Folder, name: &str, numbers: impl IntoIterator<Item = u32>, value: impl Fn(u32, u32) -> f32) {
+    for t in numbers {
+        let texels: Vec<_> = (0..20 * 12).map(|i| [value(t, i % 20), value(t, i % 20), 0.2, 1.0]).collect();
+        write_exr(&folder.path(&format!("{name}_{t:03}.exr")), &[ExrLayer::rgb("", [20, 12], &texels)])
+            .expect("writes");
     }
 }
 
@@ -65,12 +26,12 @@ fn step(t: u32, x: u32) -> f32 {
 
 #[test]
 fn a_sequence_is_measured_frame_by_frame_and_over_time() {
-    let folder = Folder::new();
-    folder.frames("truth", 2..12, step);
+    let folder = Folder::empty();
+    write_frames(&folder, "truth", 2..12, step);
     // two frames late, and too bright in frame 9
-    folder.frames("test", 2..12, |t, x| step(t.saturating_sub(2), x) + if t == 9 { 0.3 } else { 0.0 });
+    write_frames(&folder, "test", 2..12, |t, x| step(t.saturating_sub(2), x) + if t == 9 { 0.3 } else { 0.0 });
     let command = "compare test_%03d.exr truth_%03d.exr --sequence";
-    let report = folder.json(&format!("{command} --json --diff diff_%d.png"));
+    let report = json(&folder, &format!("{command} --json --diff diff_%d.png"));
     assert_eq!((&report["temporal"]["lag"], &report["motion"]), (&3.into(), &false.into()));
     assert_eq!((&report["worst"]["frame"], report["frames"].as_array().map(Vec::len)), (&9.into(), Some(10)));
     let frames = report["frames"].as_array().expect("an array");
@@ -97,22 +58,22 @@ fn a_sequence_is_measured_frame_by_frame_and_over_time() {
     };
     mask("right.png", |x| x >= 10).expect("writes");
     (2..12).for_each(|t| mask(&format!("left_{t}.png"), |x| x < 10).expect("writes"));
-    let right = folder.json(&format!("{command} --mask right.png --json"));
+    let right = json(&folder, &format!("{command} --mask right.png --json"));
     assert_eq!((&right["temporal"]["lag"], &right["frames"][2]["rmse"]), (&serde_json::Value::Null, &0.0.into()));
-    let left = folder.json(&format!("{command} --mask left_%d.png --json"));
+    let left = json(&folder, &format!("{command} --mask left_%d.png --json"));
     assert_eq!((&left["temporal"]["lag"], &left["frames"][0]["pixels"]), (&3.into(), &120.into()));
 
     // A truth that stands still is one picture.
-    folder.frames("still", [0], |_, _| 0.5);
-    folder.frames("noisy", 0..6, |t, _| 0.5 + 0.01 * (t % 2) as f32);
-    let still = folder.json("compare noisy_%03d.exr still_000.exr --sequence --json");
+    write_frames(&folder, "still", [0], |_, _| 0.5);
+    write_frames(&folder, "noisy", 0..6, |t, _| 0.5 + 0.01 * (t % 2) as f32);
+    let still = json(&folder, "compare noisy_%03d.exr still_000.exr --sequence --json");
     assert!(over_time(&still, "flicker") > 0.002 && over_time(&still, "flicker_truth") == 0.0, "{still}");
     assert_eq!((over_time(&still, "ghost_energy"), &still["temporal"]["lag"]), (0.0, &serde_json::Value::Null));
 }
 
 #[test]
 fn motion_of_a_render_makes_what_moves_steady() {
-    let folder = Folder::new();
+    let folder = Folder::empty();
     let texels = |x: u32, y: u32| image::Rgb([(90.0 + 60.0 * (x as f32 * 0.4).sin()) as u8, (6 * y) as u8, 90]);
     image::RgbImage::from_fn(64, 32, texels).save(folder.path("room.png")).expect("writes");
     std::fs::write(folder.path("scene.toml"), MOVING).expect("writes");
@@ -122,7 +83,7 @@ fn motion_of_a_render_makes_what_moves_steady() {
     }
     // Against a picture that stands still, all that the warp does not explain counts.
     let measure = |name: &str| {
-        let report = folder.json(&format!("compare {name}_%02d.exr {name}_00.exr --sequence --json"));
+        let report = json(&folder, &format!("compare {name}_%02d.exr {name}_00.exr --sequence --json"));
         (report["motion"].clone(), report["temporal"]["warped_difference"].as_f64().expect("a number"))
     };
     let ((told, warped), (untold, plain)) = (measure("with"), measure("without"));
@@ -149,12 +110,12 @@ key = [ { time = 0, translation = [-0.4, -0.2, -1.5] }, { time = 1, translation 
 
 #[test]
 fn what_the_user_got_wrong_is_told_in_one_line() {
-    let folder = Folder::new();
-    folder.frames("a", 0..5, step);
-    folder.frames("short", 0..3, step);
-    folder.frames("gap", [0, 1, 3], step);
-    folder.frames("one", [7], step);
-    folder.frames("nan", 0..5, |t, _| if t == 3 { f32::NAN } else { 0.5 });
+    let folder = Folder::empty();
+    write_frames(&folder, "a", 0..5, step);
+    write_frames(&folder, "short", 0..3, step);
+    write_frames(&folder, "gap", [0, 1, 3], step);
+    write_frames(&folder, "one", [7], step);
+    write_frames(&folder, "nan", 0..5, |t, _| if t == 3 { f32::NAN } else { 0.5 });
     image::GrayImage::new(20, 12).save(folder.path("dark.png")).expect("writes");
     for (arguments, words) in [
         ("a_000.exr a_001.exr", &["a_000.exr", "is one picture", "pattern"][..]),

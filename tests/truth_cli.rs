@@ -1,60 +1,25 @@
 //! `reference --model scene` and `capture` as users run them: from a glTF room to a captured panorama, to a picture of it, to the
 //! truth of that picture.
 
+mod folder;
+
+use folder::Folder;
 use glam::{Vec3, vec3};
 use iprt::{
     image_file::read::read,
     panorama::mapping::texel_direction,
     scene::{Scene, shapes::Shape},
 };
-use std::{
-    path::{Path, PathBuf},
-    process::{Command, Output},
-};
+use std::path::Path;
 
 const EXTENT: Vec3 = vec3(4.0, 2.6, 3.0);
 const CAPTURE: Vec3 = vec3(0.5, -0.2, 0.3);
 
 /// A folder with a box room whose ceiling shines; a block in it moves by a metre in one second.
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        let folder = Self(tempfile::tempdir().expect("a folder"));
-        std::fs::write(folder.path("my room.gltf"), room()).expect("writes");
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn run(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_iprt"));
-        command.args(arguments).current_dir(&self.0).env_remove("IPRT_VALIDATION");
-        let output = command.output().expect("runs");
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(!stderr.contains("panicked"), "iprt {arguments:?}: {stderr}");
-        output
-    }
-
-    fn succeeds(&self, arguments: &[&str]) -> String {
-        let output = self.run(arguments);
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(0), "iprt {arguments:?}: {stderr}");
-        String::from_utf8(output.stdout).expect("UTF-8")
-    }
-
-    /// Demands exit status 2 and one line on stderr that holds these words.
-    fn fails(&self, arguments: &str, words: &[&str]) {
-        let output = self.run(&arguments.split_whitespace().collect::<Vec<_>>());
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "iprt {arguments}: {stderr}");
-        assert_eq!(stderr.trim_end().lines().count(), 1, "iprt {arguments}: {stderr}");
-        for word in words {
-            assert!(stderr.contains(word), "iprt {arguments}: no \"{word}\" in {stderr}");
-        }
-    }
+fn room_folder() -> Folder {
+    let folder = Folder::empty();
+    folder.write("my room.gltf", &room());
+    folder
 }
 
 fn room() -> String {
@@ -101,10 +66,10 @@ fn color(path: &Path) -> Vec<[f32; 4]> {
 
 #[test]
 fn from_a_room_to_its_panorama_to_a_picture_to_its_truth() {
-    let folder = Folder::new();
+    let folder = room_folder();
     let at = format!("{},{},{}", CAPTURE.x, CAPTURE.y, CAPTURE.z);
     let arguments = ["capture", "my room.gltf", "-o", "cap", "--size", "128x64", "--spp", "64", "--position", &at];
-    assert_eq!(folder.succeeds(&arguments).trim(), Path::new("cap").join("scene.toml").display().to_string());
+    assert_eq!(folder.succeeds_with(&arguments).trim(), Path::new("cap").join("scene.toml").display().to_string());
     let scene = Scene::load(&folder.path("cap/scene.toml")).expect("render takes it as it is");
     assert_eq!((scene.panorama.position, scene.panorama.frame_count()), (CAPTURE, 1));
     let frame = scene.panorama.load(0).expect("reads");
@@ -121,9 +86,9 @@ fn from_a_room_to_its_panorama_to_a_picture_to_its_truth() {
 
     // the same view by the renderer, from the panorama, and by the path tracer, from the room
     let same = ["--projection", "equirect", "--size", "128x64", "-q"];
-    folder.succeeds(&[&["render", "cap/scene.toml", "-o", "view.exr", "--warmup", "0"][..], &same].concat());
+    folder.succeeds_with(&[&["render", "cap/scene.toml", "-o", "view.exr", "--warmup", "0"][..], &same].concat());
     let truth = ["reference", "cap/scene.toml", "-o", "truth.exr", "--model", "scene", "--spp", "64", "--seed", "9"];
-    folder.succeeds(&[&truth[..], &same].concat());
+    folder.succeeds_with(&[&truth[..], &same].concat());
     let (view, truth) = (color(&folder.path("view.exr")), color(&folder.path("truth.exr")));
     let mean = |image: &[[f32; 4]], rows: std::ops::Range<usize>| {
         image[rows.start * 128..rows.end * 128].iter().map(|c| f64::from(c[0])).sum::<f64>() / (128 * rows.len()) as f64
@@ -133,7 +98,7 @@ fn from_a_room_to_its_panorama_to_a_picture_to_its_truth() {
         // the noise of both
         assert!((ratio - 1.0).abs() < 0.01, "rows {rows:?}: {ratio}");
     }
-    let mut left: Vec<_> = (folder.0.path().read_dir().expect("readable"))
+    let mut left: Vec<_> = (folder.root().read_dir().expect("readable"))
         .map(|f| f.expect("readable").file_name().to_string_lossy().into_owned())
         .collect();
     left.sort();
@@ -141,7 +106,7 @@ fn from_a_room_to_its_panorama_to_a_picture_to_its_truth() {
 
     // an animated room is a video
     let arguments = ["capture", "my room.gltf", "-o", "video", "--size", "96x48", "--spp", "1", "--position", &at];
-    folder.succeeds(&[&arguments[..], &["--frames", "0..2", "--fps", "4", "-q"]].concat());
+    folder.succeeds_with(&[&arguments[..], &["--frames", "0..2", "--fps", "4", "-q"]].concat());
     let scene = Scene::load(&folder.path("video/scene.toml")).expect("render takes it as it is");
     assert_eq!((scene.panorama.frame_count(), scene.panorama.fps), (3, 4.0));
     let depth = |index: usize| scene.panorama.load(index).expect("reads").depth;
@@ -150,11 +115,11 @@ fn from_a_room_to_its_panorama_to_a_picture_to_its_truth() {
 
 #[test]
 fn resumed_by_the_command_line_the_bits_are_the_same() {
-    let folder = Folder::new();
+    let folder = room_folder();
     std::fs::write(folder.path("scene.toml"), SCENE).expect("writes");
     let run = |output: &str, more: &str| {
         let arguments = format!("reference scene.toml --model scene --size 24x16 -o {output} {more}");
-        folder.succeeds(&arguments.split_whitespace().collect::<Vec<_>>())
+        folder.succeeds_with(&arguments.split_whitespace().collect::<Vec<_>>())
     };
     assert!(run("whole.exr", "--spp 40").contains("40 samples"));
     run("parts.exr", "--spp 3 --resume");
@@ -174,7 +139,7 @@ const SCENE: &str = "[panorama]\ncolor = \"not_yet.exr\"\ndepth = 2\n[room]\nglt
 
 #[test]
 fn what_the_user_got_wrong_is_told_in_one_line() {
-    let folder = Folder::new();
+    let folder = room_folder();
     std::fs::write(folder.path("scene.toml"), SCENE).expect("writes");
     std::fs::write(folder.path("roomless.toml"), "[panorama]\ncolor = \"a.png\"\ndepth = 2\n").expect("writes");
     std::fs::write(folder.path("lost.toml"), SCENE.replace("my room", "lost")).expect("writes");
@@ -201,4 +166,27 @@ fn what_the_user_got_wrong_is_told_in_one_line() {
         folder.fails(arguments, words);
     }
     assert!(!folder.path("cap").exists() && !folder.path("a.exr").exists());
+}
+
+/// Its room is written beside its panorama, so that the scene file knows the truth.
+#[test]
+fn a_built_in_room_is_captured_with_its_truth() {
+    let folder = Folder::empty();
+    folder.succeeds("capture bedroom -o bedroom --size 32x16 --spp 32 -q");
+    assert!(folder.path("bedroom/room.glb").is_file());
+    folder.succeeds("check bedroom/scene.toml");
+    // its truth from the capture point is what was captured
+    let truth = "reference bedroom/scene.toml --model scene --without-objects --projection equirect --size 32x16";
+    folder.succeeds(&format!("{truth} --spp 32 -o truth.exr -q"));
+    let scene = std::fs::read_to_string(folder.path("bedroom/scene.toml")).expect("readable");
+    let color = scene.lines().find_map(|line| line.strip_prefix("color = \"")).expect("a panorama");
+    let files = [folder.path("truth.exr"), folder.path("bedroom").join(color.trim_end_matches('"'))];
+    // of the few samples the bright ones tell little
+    let [truth, captured] = files.map(|file| {
+        let texels = read(&file).and_then(|image| image.into_color("test")).expect("a picture").texels;
+        let mut green: Vec<f32> = texels.iter().map(|texel| texel[1]).collect();
+        green.sort_by(f32::total_cmp);
+        green[green.len() / 2]
+    });
+    assert!((truth / captured - 1.0).abs() < 0.25, "{truth} {captured}");
 }

@@ -3,7 +3,7 @@
 //!
 //! Real surfaces are diffuse and send what `paint` says; the lamp is a square that shines on top of that. Virtual things are Lambert
 //! surfaces, lamps, or mirrors. Light is followed as the model does with `relight_levels = 0`: real surfaces send their captured radiance,
-//! whoever looks at them.
+//! whoever looks at them; or, where a world is `relit`, mirrors show them in their new light.
 
 use crate::panorama::{
     mapping::{bilinear, coordinates_f32, texel_direction},
@@ -137,6 +137,8 @@ pub struct World {
     pub paint: Paint,
     pub things: Vec<Thing>,
     pub eye: Eye,
+    /// Whether mirrors show real surfaces as the things light and shade them, not as captured.
+    pub relit: bool,
 }
 
 /// What a picture should be.
@@ -288,8 +290,19 @@ impl World {
         let real = self.real_hit(origin, d);
         match self.thing_hit(origin, d, real.t) {
             Some(hit) => self.thing_radiance(&hit, origin, d, turn, depth),
+            None if self.relit && depth > 0 => {
+                let point = origin + d * real.t;
+                let painted = (self.paint)(point, real.normal);
+                self.sent(point, real.normal) + self.relight(point, real.normal, painted, turn)
+            }
             None => self.sent(origin + d * real.t, real.normal),
         }
+    }
+
+    /// What the things add to a real surface's own radiance `painted`, with the paper's bound on its reflectance: 1/π.
+    fn relight(&self, point: Vec3, normal: Vec3, painted: Vec3, turn: Vec2) -> Vec3 {
+        let [before, after] = self.irradiance(point, normal, DIRECTIONS, LAMP_SIDE, turn, 1);
+        (after - before) * (painted / before.max(Vec3::splat(1e-20))).min(Vec3::splat(1.0 / PI))
     }
 
     /// The panorama that a camera at the origin takes, without the things: radiance is the mean of 4×4 rays a texel, depth that of
@@ -383,9 +396,7 @@ impl World {
             }
             let mut radiance = Vec3::ZERO;
             if share > 0.0 {
-                let [before, after] = self.irradiance(lit.1, lit.0.normal, DIRECTIONS, LAMP_SIDE, turn, 1);
-                let reflected = (captured / before.max(Vec3::splat(1e-20))).min(Vec3::splat(1.0 / PI));
-                radiance += share * (captured + (after - before) * reflected).max(Vec3::ZERO);
+                radiance += share * (captured + self.relight(lit.1, lit.0.normal, captured, turn)).max(Vec3::ZERO);
             }
             if let Some((hit, d)) = shown {
                 radiance += (1.0 - share) * self.thing_radiance(&hit, eye, d, turn, 2);

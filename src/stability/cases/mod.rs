@@ -59,5 +59,6 @@ fn room(paint: fn(Vec3, Vec3) -> Vec3, target: Vec3, fov_y: f32) -> World {
         paint,
         things: Vec::new(),
         eye: Eye { at: Vec3::ZERO, target, fov_y },
+        relit: false,
     }
 }

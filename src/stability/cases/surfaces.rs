@@ -4,11 +4,12 @@ use super::{CHANGE, CHANGE_WHY, FLOOR, ROOM, SEEN, SEEN_WHY, colourful, even, ro
 use crate::{
     Result,
     passes::fault::Fault,
+    settings::Method,
     stability::{
         Broken, Case, Outcome, Run,
         film::Film,
         metric,
-        world::{Block, Eye, Form, Lamp, Thing, World},
+        world::{Block, Eye, Form, Lamp, Thing, Truth, World},
     },
 };
 use glam::{Vec3, vec2, vec3};
@@ -57,6 +58,17 @@ pub const CASES: &[Case] = &[
         catches: &[Broken::Setting("specular", "off")],
         must_fail: &[],
         run: unseen_mirror,
+    },
+    Case {
+        name: "shadow_in_mirror",
+        asks: "A virtual mirror shows the floor before it, and on it the shadow of a virtual ball: is the shadow there?",
+        metric: "share of the true change of what the mirror shows of real surfaces, where they are darkened by more than 5 %, that is missing or too much, 16 frames",
+        unit: "",
+        limit: 0.2,
+        reason: "a reflected shadow a fifth too light or dark passes; one that is missing does not",
+        catches: &[Broken::Setting("relight_levels", "0")],
+        must_fail: &[Method::Ibl, Method::Paper],
+        run: shadow_in_mirror,
     },
     Case {
         name: "contact_shadow",
@@ -165,6 +177,35 @@ fn unseen_mirror(run: &Run) -> Result<Outcome> {
         ..room(red_back, vec3(0.3, -0.25, -1.5), 55.0)
     });
     run.worst(&film, [0], |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.shows_things(), 1.0))
+}
+
+/// Most light comes from above.
+fn bright_ceiling(_: Vec3, normal: Vec3) -> Vec3 {
+    Vec3::splat(if normal.y < -0.5 { 1.5 } else { 0.3 })
+}
+
+fn shadow_in_mirror(run: &Run) -> Result<Outcome> {
+    let world = |relit| {
+        move || World {
+            relit,
+            things: vec![
+                Thing { mirror: true, ..Thing::block(vec3(1.8, 1.2, 0.04), 0.0, vec3(0.0, FLOOR + 0.61, -2.0)) },
+                Thing::ball(0.3, 0.4, vec3(0.1, FLOOR + 0.5, -0.9)),
+            ],
+            ..room(bright_ceiling, vec3(0.0, FLOOR + 0.4, -2.0), 50.0)
+        }
+    };
+    // each method relights what its rays meet, or not, as it does by itself
+    let film = Film { set: Vec::new(), ..Film::still(run.size(), 16, world(true)) };
+    let as_captured = run.truth(&Film::still(run.size(), 1, world(false)), 1, 0);
+    run.worst(&film, [0], |test, truth| {
+        // where the mirror shows something darker than it was; beside the shadow its own light makes the floor brighter
+        let sum = |texel: &[f32; 4]| texel[0] + texel[1] + texel[2];
+        let darker = truth.texels.iter().zip(&as_captured.texels).map(|(new, old)| sum(new) < 0.95 * sum(old));
+        let mask: Vec<bool> = darker.zip(truth.shows_things()).map(|(a, b)| a && b).collect();
+        let change = Truth { without: as_captured.texels.clone(), ..truth.clone() };
+        Ok(metric::change(test, &change, &mask))
+    })
 }
 
 fn contact_shadow(run: &Run) -> Result<Outcome> {
