@@ -18,6 +18,7 @@
 //! * [`scene`]: the scene file, glTF objects, materials, BVH, camera, key frames, built-in [`scene::rooms`]. A
 //!   [`scene::Scene`] gives its state at any time.
 //! * [`settings`]: every approximation as a named value; a [`settings::Method`] is a preset of them.
+//! * [`options`]: what to render, and how.
 //! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
 //! * [`passes`]: one file a pass. Each runs on a [`passes::view::View`], the images and history of one picture, and finds what
 //!   it binds by GLSL name ([`passes::resources`]).
@@ -42,7 +43,7 @@
 //! Any image of it can be read back by name: [`renderer::Renderer::aov`].
 //!
 //! ```no_run
-//! use iprt::{gpu::{Gpu, GpuOptions}, passes::view::Projection, renderer::{RenderOptions, Renderer}, scene::Scene};
+//! use iprt::{gpu::{Gpu, GpuOptions}, options::RenderOptions, renderer::Renderer, scene::{Scene, viewpoint::Projection}};
 //! use iprt::settings::{Method, Settings};
 //!
 //! # fn main() -> iprt::Result<()> {
@@ -82,6 +83,7 @@ pub mod error;
 pub mod gpu;
 pub mod image_file;
 pub mod measure;
+pub mod options;
 pub mod panorama;
 pub mod passes;
 pub mod plan;

@@ -1,10 +1,12 @@
 //! The frame, from top to bottom.
 
 mod aov;
+pub mod cost;
 
 use crate::{
     Error, Result,
     gpu::{Format, Frame, Gpu, Image, Timings},
+    options::RenderOptions,
     panorama::depth::Quantisation,
     passes::{
         atrous::Atrous,
@@ -21,34 +23,18 @@ use crate::{
         sampling_mask::SamplingMask,
         scene::SceneBuffers,
         temporal::{self, Temporal},
-        view::{Projection, Role, View, ViewData, Viewpoint},
+        view::{Role, View, ViewData},
     },
     plan::{Part, Plan},
     scene::{
         Scene,
         packed::{PackedInstances, PackedScene},
+        viewpoint::{Projection, Viewpoint},
     },
-    settings::{ClampWhen, FOREVER, FilterOrder, Method, Settings},
+    settings::{ClampWhen, FOREVER, FilterOrder, Settings},
 };
 use glam::{Quat, Vec3};
 use std::sync::atomic::{AtomicU32, Ordering};
-
-/// What a renderer is made for.
-#[derive(Clone, Debug)]
-pub struct RenderOptions {
-    /// Width and height of the picture, pixels.
-    pub size: [u32; 2],
-    /// Preset that `settings` started from.
-    pub method: Method,
-    /// All approximations.
-    pub settings: Settings,
-    /// How directions map to pixels.
-    pub projection: Projection,
-    /// Seed of all random numbers.
-    pub seed: u32,
-    /// Show the real scene alone.
-    pub without_objects: bool,
-}
 
 /// The six passes, as far as the plan has them, with what they keep from frame to frame.
 pub struct Renderer {
@@ -451,7 +437,7 @@ impl Renderer {
             ..ViewData::default()
         };
         self.panorama.describe(&mut data);
-        viewpoint.write(&view.previous.unwrap_or(viewpoint), &mut data);
+        data.look(&viewpoint, &view.previous.unwrap_or(viewpoint));
         self.gpu.write_buffer(&view.data, 0, &[data])
     }
 

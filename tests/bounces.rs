@@ -6,7 +6,6 @@ use common::{lambert, object, validated};
 use glam::{Quat, Vec3, dvec2, vec3};
 use iprt::{
     gpu::Gpu,
-    passes::view::Viewpoint,
     reference::path_trace::{PathSettings, PathTracer},
     scene::{
         CompleteScene, Object,
@@ -15,6 +14,7 @@ use iprt::{
         material::Material,
         model::Model,
         shapes::Shape,
+        viewpoint::Viewpoint,
     },
 };
 use std::{f64::consts::PI, sync::Arc};

@@ -8,9 +8,8 @@ use iprt::{
     Error,
     image_file::read::read,
     measure::chart::{Case, Chart, ChartOptions, point::FILE, run, sweep::Sweep},
-    passes::view::Projection,
     reference::cache::{Keep, Truth, truth_of_model, truth_of_scene},
-    scene::{CompleteScene, material::Material, shapes::Shape},
+    scene::{CompleteScene, material::Material, shapes::Shape, viewpoint::Projection},
     settings::Method,
 };
 use std::{

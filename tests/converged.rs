@@ -6,7 +6,8 @@ use common::*;
 use glam::{Vec2, Vec3, vec2, vec3};
 use iprt::{
     gpu::Gpu,
-    renderer::{RenderOptions, Renderer},
+    options::RenderOptions,
+    renderer::Renderer,
     scene::{Scene, camera::CameraTrack},
     settings::Method,
 };

@@ -6,10 +6,9 @@ mod common;
 use common::*;
 use glam::{Mat3, Vec3, vec2, vec3};
 use iprt::{
+    options::RenderOptions,
     panorama::source::{PanoramaFrame, PanoramaSource},
-    passes::view::Projection,
-    renderer::RenderOptions,
-    scene::{Object, Scene, camera::CameraTrack, file::RenderSettings},
+    scene::{Object, Scene, camera::CameraTrack, file::RenderSettings, viewpoint::Projection},
     settings::Method,
 };
 use std::f32::consts::{PI, TAU};

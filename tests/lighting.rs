@@ -6,7 +6,8 @@ use common::*;
 use glam::{Vec3, vec3};
 use iprt::{
     gpu::Gpu,
-    renderer::{RenderOptions, Renderer},
+    options::RenderOptions,
+    renderer::Renderer,
     scene::{Scene, material::Material},
     settings::Method,
 };

@@ -6,9 +6,9 @@ use common::*;
 use glam::{Vec3, vec3};
 use iprt::{
     gpu::Gpu,
-    passes::view::Projection,
-    renderer::{RenderOptions, Renderer},
-    scene::{Scene, shapes::Shape},
+    options::RenderOptions,
+    renderer::Renderer,
+    scene::{Scene, shapes::Shape, viewpoint::Projection},
     settings::{Method, Settings},
 };
 

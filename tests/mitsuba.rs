@@ -9,9 +9,8 @@ use iprt::{
     gpu::Gpu,
     image_file::read::read,
     measure::metrics::{Picture, compare},
-    passes::view::Viewpoint,
     reference::path_trace::{PathSettings, PathTracer},
-    scene::{CompleteScene, Object, material::Material, model::Model, shapes::Shape},
+    scene::{CompleteScene, Object, material::Material, model::Model, shapes::Shape, viewpoint::Viewpoint},
 };
 use serde::Deserialize;
 use std::{

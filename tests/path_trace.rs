@@ -3,7 +3,6 @@
 use glam::{Quat, Vec3, vec3};
 use iprt::{
     gpu::{Gpu, GpuOptions},
-    passes::view::Viewpoint,
     reference::{
         capture::{COLOR_FILE, CaptureSettings, capture, capture_cached},
         path_trace::{LightSampling, PathSettings, PathTracer, Sums},
@@ -16,6 +15,7 @@ use iprt::{
         material::Material,
         model::{Mesh, Model},
         shapes::Shape,
+        viewpoint::Viewpoint,
     },
 };
 use std::sync::Arc;

@@ -12,10 +12,11 @@ use iprt::{
         metrics::{Picture, flip_map},
         regions::regions,
     },
+    options::RenderOptions,
     panorama::source::{PanoramaFrame, PanoramaSource},
     plan::{By, Part, Plan},
     reference::capture::{CaptureSettings, room_frames},
-    renderer::{RenderOptions, Renderer},
+    renderer::Renderer,
     scene::{
         Scene,
         file::RenderSettings,

@@ -6,7 +6,7 @@ use common::*;
 use glam::{Vec3, vec3};
 use iprt::{
     gpu::Gpu,
-    renderer::RenderOptions,
+    options::RenderOptions,
     scene::{material::Material, shapes::Shape},
     settings::Method,
 };

@@ -6,17 +6,18 @@ use common::*;
 use glam::{Vec3, vec2, vec3};
 use iprt::{
     Error,
+    options::RenderOptions,
     panorama::{
         mapping::{bilinear, direction_f32},
         source::{PanoramaFrame, PanoramaSource},
     },
-    passes::view::Projection,
-    renderer::{RenderOptions, Renderer},
+    renderer::Renderer,
     scene::{
         Scene,
         animation::Track,
         camera::{Aim, CameraTrack},
         file::RenderSettings,
+        viewpoint::Projection,
     },
     settings::Method,
 };

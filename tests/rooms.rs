@@ -6,17 +6,17 @@ use common::validated;
 use glam::Vec3;
 use iprt::{
     gpu::Gpu,
+    options::RenderOptions,
     panorama::{
         mapping::texel_direction,
         source::{PanoramaFrame, PanoramaSource},
     },
-    passes::view::{Projection, Viewpoint},
     reference::{
         capture::{CaptureSettings, room_frames},
         path_trace::{LightSampling, PathSettings, PathTracer},
         truth,
     },
-    renderer::{RenderOptions, Renderer},
+    renderer::Renderer,
     scene::{
         CompleteScene, Object, Scene,
         animation::{Placement, Transform},
@@ -25,6 +25,7 @@ use iprt::{
         file::RenderSettings,
         gltf,
         rooms::{NAMES, Room, Video, by_name},
+        viewpoint::{Projection, Viewpoint},
     },
     settings::{Method, Settings},
 };

@@ -8,8 +8,9 @@ use glam::{DVec2, DVec3, Vec3, dvec3, vec3};
 use iprt::{
     gpu::{Access, Bind, Gpu, GpuStruct, PassDeclaration, PushLayout, StructLayout, Threads, struct_layout},
     gpu_struct,
+    panorama::light::CELLS,
     passes::{
-        light_table::{CELLS, LightTable},
+        light_table::LightTable,
         panorama::{Needs, Panorama},
         resources::{Resource, Resources},
         view::ViewData,

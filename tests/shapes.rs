@@ -6,12 +6,12 @@ use common::*;
 use glam::{Vec3, Vec3Swizzles, vec2, vec3};
 use iprt::{
     gpu::Gpu,
+    options::RenderOptions,
     panorama::{
         depth::box_depth,
         mapping::bilinear,
         source::{PanoramaFrame, PanoramaSource},
     },
-    renderer::RenderOptions,
     scene::{Scene, camera::CameraTrack, file::RenderSettings},
     settings::Method,
 };

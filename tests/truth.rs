@@ -6,7 +6,6 @@ use common::{fine_ball, lambert, object, validated};
 use glam::{Quat, Vec3, vec3};
 use iprt::{
     gpu::Gpu,
-    passes::view::Viewpoint,
     reference::{
         path_trace::{BATCH, LightSampling, PathSettings, PathTracer, Sums},
         truth::{self, End, Goal},
@@ -18,6 +17,7 @@ use iprt::{
         model::Model,
         punctual::{PunctualKind, PunctualLight},
         shapes::Shape,
+        viewpoint::Viewpoint,
     },
 };
 use std::{

@@ -3,10 +3,9 @@
 use crate::{
     Error, Result,
     gpu::{Gpu, GpuOptions},
-    passes::view::Projection,
+    options::RenderOptions,
     reference::capture::{CaptureSettings, built_in_scene},
-    renderer::RenderOptions,
-    scene::{CompleteScene, Scene, rooms},
+    scene::{CompleteScene, Scene, rooms, viewpoint::Projection},
     settings::{Method, Settings},
 };
 use indicatif::{ProgressBar, ProgressStyle};

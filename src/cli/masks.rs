@@ -4,7 +4,7 @@ use super::common::{PictureArgs, parse_frames, progress};
 use crate::{
     Error, Result,
     image_file::write::write_png,
-    reference::regions::{of_model, of_scene},
+    measure::regions::{of_model, of_scene},
     scene::rooms,
     settings::Method,
 };

@@ -3,6 +3,7 @@
 //! Files are told apart by their first bytes, not by their name.
 pub mod exr_file;
 pub mod read;
+pub mod srgb;
 pub mod write;
 
 pub use exr_file::ExrLayer;

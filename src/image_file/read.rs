@@ -1,7 +1,7 @@
 //! Decoding, and what a colour or a depth reader makes of the channels.
 
 use super::exr_file::{self, ExrLayer};
-use crate::{Error, Result, scene::mips::srgb_to_linear};
+use crate::{Error, Result, image_file::srgb::srgb_to_linear};
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use std::{io::Cursor, path::Path};
 

@@ -4,7 +4,7 @@ use super::{
     exr_file::{self, ExrLayer},
     read::plain_io,
 };
-use crate::{Error, Result, scene::mips::linear_to_srgb};
+use crate::{Error, Result, image_file::srgb::linear_to_srgb};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::{
     fs::File,

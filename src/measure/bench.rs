@@ -1,6 +1,11 @@
 //! `bench`: per-pass GPU times from timestamp queries.
 
-use crate::{Result, gpu::Timings, plan::PassPlan, renderer::Renderer, scene::Scene};
+use crate::{
+    Result,
+    gpu::Timings,
+    renderer::{Renderer, cost::PassPlan},
+    scene::Scene,
+};
 use serde::Serialize;
 use std::{collections::BTreeMap, fmt::Write, time::Instant};
 

@@ -148,7 +148,7 @@ fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result
 
 /// sRGB of a clipped value.
 pub(super) fn show(linear: f32) -> f32 {
-    crate::scene::mips::linear_to_srgb(linear.clamp(0.0, 1.0))
+    crate::image_file::srgb::linear_to_srgb(linear.clamp(0.0, 1.0))
 }
 
 fn displayed(picture: Picture, exposure: f32) -> [Vec<f32>; 3] {

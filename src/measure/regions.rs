@@ -1,5 +1,16 @@
 //! The regions of a picture that errors are told apart by: where virtual objects are seen, and which real pixels they change.
 
+use crate::{
+    Result,
+    gpu::Gpu,
+    options::RenderOptions,
+    reference::{
+        denoise::denoise_view,
+        truth::{tracer, viewpoint},
+    },
+    renderer::Renderer,
+    scene::{CompleteScene, Scene},
+};
 use rayon::prelude::*;
 
 /// A change of a 5×5 mean's luminance above this share is influence.
@@ -40,6 +51,67 @@ fn means(size: [u32; 2], texels: &[[f32; 4]]) -> Vec<f32> {
         sum / count
     };
     (0..width * height).into_par_iter().map(mean).collect()
+}
+
+/// By model truth: the converged model of `options`, which have objects, at `time` seconds. Nothing in the picture without objects is random,
+/// so only that with them takes `samples` paths a pixel. `progress` is called `samples` + 1 times.
+///
+/// # Errors
+/// As [`Renderer`].
+pub fn of_model(
+    gpu: &Gpu,
+    scene: &Scene,
+    options: &RenderOptions,
+    time: f64,
+    samples: u32,
+    mut progress: impl FnMut(),
+) -> Result<Regions> {
+    let mut renderer = Renderer::new(gpu, scene, RenderOptions { without_objects: true, ..options.clone() })?;
+    renderer.render(scene, time)?;
+    progress();
+    let without = renderer.picture()?;
+    drop(renderer);
+    let mut renderer = Renderer::new(gpu, scene, options.clone())?;
+    for _ in 0..samples.max(1) {
+        renderer.render(scene, time)?;
+        progress();
+    }
+    Ok(regions(options.size, &renderer.picture()?, &without, &coverage(&renderer)?))
+}
+
+/// By scene truth, `with` objects and `without`, frame `frame`. Both take the same random numbers, so that where the objects have no influence their
+/// noise is the same, and are filtered, so that a few samples are enough. Which pixels are virtual, the renderer says. `progress` is called 2 · `samples` times.
+///
+/// # Errors
+/// As [`Renderer`] and [`PathTracer`](crate::reference::path_trace::PathTracer).
+pub fn of_scene(
+    gpu: &Gpu,
+    scene: &Scene,
+    options: &RenderOptions,
+    [with, without]: [&CompleteScene; 2],
+    frame: u32,
+    samples: u32,
+    mut progress: impl FnMut(),
+) -> Result<Regions> {
+    let mut truth = |complete: &CompleteScene| {
+        let mut tracer = tracer(gpu, complete, options.projection, options.size, options.seed, frame)?;
+        for _ in 0..samples.max(1) {
+            tracer.sample()?;
+            progress();
+        }
+        Ok(denoise_view(&tracer.read()?, &viewpoint(complete, options.projection, options.size, frame)))
+    };
+    let (with, without) = (truth(with)?, truth(without)?);
+    let mut options = options.clone();
+    options.settings.relight_levels = 0; // its light is not asked for
+    let mut renderer = Renderer::new(gpu, scene, options)?;
+    renderer.render(scene, scene.panorama.frame_time(frame as usize))?;
+    Ok(regions(renderer.options().size, &with, &without, &coverage(&renderer)?))
+}
+
+/// M of each pixel.
+fn coverage(renderer: &Renderer) -> Result<Vec<f32>> {
+    Ok(renderer.aov("real_coverage")?.iter().map(|texel| texel[0]).collect())
 }
 
 #[cfg(test)]

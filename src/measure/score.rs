@@ -11,8 +11,9 @@ use super::{
 use crate::{
     Result,
     gpu::Gpu,
+    options::RenderOptions,
     reference::cache::Truth,
-    renderer::{RenderOptions, Renderer},
+    renderer::Renderer,
     scene::Scene,
     settings::{Method, Settings},
 };

@@ -7,12 +7,10 @@ use super::{
 use crate::{
     Result,
     gpu::{Access, Frame, Gpu, Threads},
+    panorama::light::CELLS,
     settings::Settings,
     shaders,
 };
-
-/// Columns and rows of the table's cells, as `LIGHT_CELLS` in `light.glsl`.
-pub const CELLS: [u32; 2] = [256, 128];
 
 /// Bytes of the table: header, row sums, cumulative cells, cells.
 pub const BYTES: u64 = 4 * (2 + CELLS[1] as u64 + 2 * CELLS[0] as u64 * CELLS[1] as u64);

@@ -12,9 +12,14 @@ use crate::{
     Error, Result,
     gpu::Gpu,
     image_file::{read::read_bytes, write::write_bytes},
-    passes::view::{Projection, ViewData, Viewpoint},
-    renderer::{RenderOptions, Renderer},
-    scene::{CompleteScene, Scene, camera::Camera},
+    options::RenderOptions,
+    passes::view::ViewData,
+    renderer::Renderer,
+    scene::{
+        CompleteScene, Scene,
+        camera::Camera,
+        viewpoint::{Projection, Viewpoint},
+    },
     settings::{Method, Settings},
     shaders,
 };
@@ -100,7 +105,7 @@ pub fn truth_of_scene(
     let viewpoint = scene_viewpoint(options, &state.camera);
     let [batch, count] = batches(spp, SCENE_BATCH);
     let mut view = ViewData { size: options.size, seed: options.seed, ..Default::default() };
-    viewpoint.write(&viewpoint, &mut view);
+    view.look(&viewpoint, &viewpoint);
     let mut hasher = hash_scene(&scene.packed, &state.instances);
     hasher.update(bytemuck::bytes_of(&view)).update(bytemuck::bytes_of(&state.camera.position));
     let name = name(hasher, "scene", batch);

@@ -17,8 +17,7 @@ use crate::{
         depth::Quantisation,
         source::{PanoramaFrame, PanoramaSource},
     },
-    passes::view::Viewpoint,
-    scene::{CompleteScene, Scene, file::RenderSettings, packed::PackedInstances, rooms::Room},
+    scene::{CompleteScene, Scene, file::RenderSettings, packed::PackedInstances, rooms::Room, viewpoint::Viewpoint},
 };
 use glam::{Quat, Vec3};
 use indicatif::{ProgressBar, ProgressStyle};

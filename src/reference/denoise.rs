@@ -7,7 +7,7 @@
 //! where light changes faster than its variance shows.
 
 use super::path_trace::Sums;
-use crate::passes::view::{Projection, Viewpoint};
+use crate::scene::viewpoint::{Projection, Viewpoint};
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 

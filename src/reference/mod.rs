@@ -5,5 +5,4 @@ pub mod capture;
 pub mod denoise;
 pub mod lights;
 pub mod path_trace;
-pub mod regions;
 pub mod truth;

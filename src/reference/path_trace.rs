@@ -7,13 +7,11 @@ use crate::{
     Error, Result,
     gpu::{Access, Bind, Buffer, Format, Gpu, Image, StructLayout, Threads, struct_layout},
     gpu_struct,
-    passes::{
-        gbuffer::SCENE_STRUCTS,
-        resources::Kernel,
-        scene::SceneBuffers,
-        view::{ViewData, Viewpoint},
+    passes::{gbuffer::SCENE_STRUCTS, resources::Kernel, scene::SceneBuffers, view::ViewData},
+    scene::{
+        packed::{PackedInstances, PackedScene, Punctual},
+        viewpoint::Viewpoint,
     },
-    scene::packed::{PackedInstances, PackedScene, Punctual},
     shaders,
 };
 use glam::Vec3;
@@ -159,7 +157,7 @@ impl PathTracer {
         buffers.update(gpu, state.clone(), centre)?;
         let mut view =
             ViewData { size, seed: settings.seed, instance_count: buffers.instance_count, ..Default::default() };
-        viewpoint.write(viewpoint, &mut view);
+        view.look(viewpoint, viewpoint);
         let push = Push {
             light_count: table.lights.len() as u32,
             inverse_power: if table.power > 0.0 { (1.0 / table.power) as f32 } else { 0.0 },

@@ -8,8 +8,10 @@ use crate::{
     Error, Result,
     gpu::Gpu,
     image_file::{read::read_bytes, write::write_bytes},
-    passes::view::{Projection, Viewpoint},
-    scene::CompleteScene,
+    scene::{
+        CompleteScene,
+        viewpoint::{Projection, Viewpoint},
+    },
 };
 use glam::Vec3;
 use std::{

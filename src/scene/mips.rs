@@ -1,17 +1,8 @@
 //! Mip levels of textures.
 
 use super::material::{Encoding, Texture};
+use crate::image_file::srgb::{linear_to_srgb, srgb_to_linear};
 use glam::Vec4;
-
-/// sRGB code (0..1) to linear.
-pub fn srgb_to_linear(code: f32) -> f32 {
-    if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
-}
-
-/// Linear (0..1) to sRGB code (0..1).
-pub fn linear_to_srgb(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
-}
 
 /// How many levels a texture of this size has down to 1×1.
 pub fn level_count(size: [u32; 2]) -> u32 {

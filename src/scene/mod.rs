@@ -20,6 +20,7 @@ pub mod punctual;
 pub mod rooms;
 pub mod shapes;
 pub mod state;
+pub mod viewpoint;
 
 pub use complete::CompleteScene;
 pub use state::{Object, Scene, SceneState};

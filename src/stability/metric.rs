@@ -3,8 +3,8 @@
 use super::world::Truth;
 use crate::{
     Result,
+    image_file::srgb::linear_to_srgb,
     measure::metrics::{Picture, flip_map},
-    scene::mips::linear_to_srgb,
 };
 
 /// The value of a picture that holds NaN or infinities.

@@ -13,9 +13,10 @@ pub mod world;
 use crate::{
     Result,
     gpu::Gpu,
-    passes::{fault::Fault, view::Projection},
-    renderer::{RenderOptions, Renderer},
-    scene::Scene,
+    options::RenderOptions,
+    passes::fault::Fault,
+    renderer::Renderer,
+    scene::{Scene, viewpoint::Projection},
     settings::{Method, Settings},
 };
 use film::Film;

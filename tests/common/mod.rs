@@ -4,13 +4,13 @@
 use glam::{Vec3, vec3};
 use iprt::{
     gpu::{Gpu, GpuOptions},
+    options::RenderOptions,
     panorama::{
         depth::box_depth,
         mapping::texel_direction,
         source::{PanoramaFrame, PanoramaSource},
     },
-    passes::view::Projection,
-    renderer::{RenderOptions, Renderer},
+    renderer::Renderer,
     scene::{
         Object, Scene,
         animation::{Placement, Track, Transform},
@@ -19,6 +19,7 @@ use iprt::{
         material::Material,
         model::{Mesh, Model},
         shapes::Shape,
+        viewpoint::Projection,
     },
     settings::{Method, Settings},
 };

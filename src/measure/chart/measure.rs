@@ -14,8 +14,9 @@ use crate::{
         metrics::Picture,
         score::{Scorer, Scores},
     },
+    options::RenderOptions,
     reference::cache::Keep,
-    renderer::{RenderOptions, Renderer},
+    renderer::Renderer,
     scene::Scene,
     settings::Settings,
 };

@@ -12,18 +12,13 @@ use crate::{
     gpu::Gpu,
     image_file::{read::read_bytes, write::write_png},
     measure::{
-        self,
         metrics::Picture,
-        regions::Regions,
+        regions::{self, Regions},
         score::{REGIONS, RealView, Scorer, real_view},
     },
-    passes::view::Projection,
-    reference::{
-        cache::{self, Keep, Truth, hash_rendered, truth_of_model, truth_of_scene},
-        regions,
-    },
-    renderer::RenderOptions,
-    scene::{CompleteScene, Scene},
+    options::RenderOptions,
+    reference::cache::{self, Keep, Truth, hash_rendered, truth_of_model, truth_of_scene},
+    scene::{CompleteScene, Scene, viewpoint::Projection},
     settings::{Method, Settings},
 };
 use std::{collections::BTreeMap, env, fs, path::Path};
@@ -352,9 +347,7 @@ fn regions_of(
             let samples = options.scene_spp.min(REGION_SPP);
             regions::of_scene(gpu, &case.scene, base, [with, without], options.frame, samples, || ())
         }
-        None => {
-            Ok(measure::regions::regions(options.size, &model.radiance, &view.camera_radiance, &view.real_coverage))
-        }
+        None => Ok(regions::regions(options.size, &model.radiance, &view.camera_radiance, &view.real_coverage)),
     }
 }
 

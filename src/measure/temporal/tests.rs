@@ -13,7 +13,7 @@ fn frames<'a>(subject: &'a str, frames: &'a Sequence) -> Frames<'a> {
 
 /// Frames from displayed values, so that what is measured is what is written here.
 fn sequence(count: usize, value: impl Fn(usize, usize, usize) -> f32) -> Sequence {
-    let linear = |v: f32| crate::scene::mips::srgb_to_linear(v);
+    let linear = |v: f32| crate::image_file::srgb::srgb_to_linear(v);
     let texel = |t: usize, i: usize| [0, 1, 2, 3].map(|c| linear(value(t, i % 24, i / 24) * [1.0, 0.8, 0.6, 1.0][c]));
     (0..count).map(|t| (0..PIXELS).map(|i| texel(t, i)).collect()).collect()
 }
@@ -87,7 +87,7 @@ fn lag_despite_noise_offset_and_a_truth_that_takes_its_time() {
     let noisy = |of: &Sequence, sigma: f32, seed: usize| -> Sequence {
         let texel = |t: usize, i: usize| {
             let add = 0.08 + sigma * noise(t, i % 24, i / 24, seed);
-            of[t][i].map(|v| crate::scene::mips::srgb_to_linear(show(v) + add))
+            of[t][i].map(|v| crate::image_file::srgb::srgb_to_linear(show(v) + add))
         };
         (0..of.len()).map(|t| (0..PIXELS).map(|i| texel(t, i)).collect()).collect()
     };

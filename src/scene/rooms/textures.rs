@@ -1,8 +1,8 @@
 //! Procedural textures, painted in linear colour and stored as sRGB texels.
 
 use super::kit::hash;
+use crate::image_file::srgb::linear_to_srgb;
 use crate::scene::material::{Encoding, Texture, Wrap};
-use crate::scene::mips::linear_to_srgb;
 use glam::{Vec2, Vec3, vec2, vec3};
 use std::f32::consts::{PI, TAU};
 

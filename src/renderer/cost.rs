@@ -1,9 +1,12 @@
 //! What a plan costs: dispatches, device memory, code.
 
-use super::{By, Part, Plan};
-use crate::passes::{
-    panorama::{self, PyramidShape},
-    view::{self, Role},
+use crate::{
+    Result,
+    passes::{
+        panorama::{self, PyramidShape},
+        view::{self, Role},
+    },
+    plan::{By, Decision, Part, Plan},
 };
 use std::fmt::Write;
 
@@ -114,7 +117,7 @@ impl Plan {
     ///
     /// # Errors
     /// None but a fault in the table of parts.
-    pub fn costs(&self) -> crate::Result<Vec<Difference>> {
+    pub fn costs(&self) -> Result<Vec<Difference>> {
         let own = self.cost();
         let difference = |decision| {
             let other = self.flipped(decision)?.cost();
@@ -131,7 +134,7 @@ impl Plan {
     ///
     /// # Errors
     /// As [`Plan::costs`].
-    pub fn table(&self) -> crate::Result<String> {
+    pub fn table(&self) -> Result<String> {
         let mut out = format!("{:<18}{:<5}{:>12}{:>12}  {}\n", "part", "", "memory", "dispatches", "why");
         for (decision, cost) in self.parts.iter().zip(self.costs()?) {
             let (name, on) = (decision.part.name(), if decision.on { "on" } else { "off" });
@@ -146,8 +149,8 @@ impl Plan {
     ///
     /// # Errors
     /// As [`Plan::costs`].
-    pub fn json(&self) -> crate::Result<serde_json::Value> {
-        let part = |(decision, cost): (&super::Decision, Difference)| {
+    pub fn json(&self) -> Result<serde_json::Value> {
+        let part = |(decision, cost): (&Decision, Difference)| {
             serde_json::json!({
                 "name": decision.part.name(),
                 "on": decision.on,
