@@ -324,5 +324,12 @@ fn the_stability_suite_reports_every_method() {
             assert!(folder.path(&format!("report/{name}_{method}.png")).is_file(), "{name}, {method}");
         }
     }
+    folder.succeeds("stability empty_scene -o one --quick -q --method reference --set relight_levels=0");
+    let one: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path("one/stability.json")).expect("a report")).expect("JSON");
+    assert_eq!(one["set"], serde_json::json!(["relight_levels=0"]));
+    let methods: Vec<_> = one["cases"][0]["results"].as_object().expect("results").keys().collect();
+    assert_eq!(methods, ["reference"]);
+    folder.fails("stability empty_scene -o one --quick --set relight_level=0", &["relight_level", "relight_levels"]);
     folder.fails("stability contact_shado -o report --quick", &["contact_shado", "contact_shadow"]);
 }

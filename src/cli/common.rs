@@ -104,10 +104,8 @@ impl PictureArgs {
             settings.set(key, &text, &format!("{}: render.set", scene.name))?;
         }
         for pair in &self.set {
-            let (key, value) = pair.split_once('=').ok_or_else(|| {
-                Error::input("--set", format!("\"{pair}\" is not key=value"), "write for example --set atrous_levels=3")
-            })?;
-            settings.set(key.trim(), value.trim(), "--set")?;
+            let (key, value) = key_value(pair)?;
+            settings.set(key, value, "--set")?;
         }
         let projection = self.projection()?;
         let size = self.size(scene.camera.size)?;
@@ -179,6 +177,14 @@ pub fn parse_size(text: &str) -> Result<[u32; 2]> {
     parse().ok_or_else(|| {
         Error::input("--size", format!("\"{text}\" is not WIDTHxHEIGHT"), "write for example --size 1280x720")
     })
+}
+
+/// `key=value` of `--set`.
+pub fn key_value(pair: &str) -> Result<(&str, &str)> {
+    let (key, value) = pair.split_once('=').ok_or_else(|| {
+        Error::input("--set", format!("\"{pair}\" is not key=value"), "write for example --set atrous_levels=3")
+    })?;
+    Ok((key.trim(), value.trim()))
 }
 
 /// `A..B`, both included, or one number.

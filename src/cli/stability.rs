@@ -1,8 +1,9 @@
 //! `iprt stability`: where such methods fail, case by case.
 
-use super::common::{DeviceArgs, progress};
+use super::common::{DeviceArgs, key_value, progress};
 use crate::{
     Error, Result,
+    settings::Method,
     stability::{
         METHODS, Suite, cases,
         report::{self, Row, Setup},
@@ -21,6 +22,12 @@ pub struct Args {
     /// Smaller pictures, fewer frames
     #[arg(long)]
     pub quick: bool,
+    /// ibl, paper, iprt or reference (the converged model: what is left is the model's); may be repeated; the first three by default
+    #[arg(long)]
+    pub method: Vec<String>,
+    /// A setting for every method, as key=value; may be repeated (see docs/methods.md)
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
     #[command(flatten)]
     pub device: DeviceArgs,
     /// Say less
@@ -38,14 +45,24 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let wanted = |name: &str| args.cases.is_empty() || args.cases.iter().any(|case| case == name);
     let chosen: Vec<_> = all.into_iter().filter(|case| wanted(case.name)).collect();
+    let methods = match args.method.as_slice() {
+        [] => METHODS.to_vec(),
+        names => names.iter().map(|name| Method::parse(name, "--method")).collect::<Result<Vec<_>>>()?,
+    };
+    let set = args.set.iter().map(|pair| key_value(pair)).collect::<Result<Vec<_>>>()?;
     let gpu = args.device.open()?;
-    let setup = Setup { device: gpu.device_name().to_owned(), driver: gpu.driver().to_owned(), quick: args.quick };
-    let suite = Suite::new(&gpu, args.quick);
-    let bar = progress(args.quiet, (chosen.len() * METHODS.len()) as u64, "cases");
+    let setup = Setup {
+        device: gpu.device_name().to_owned(),
+        driver: gpu.driver().to_owned(),
+        quick: args.quick,
+        set: args.set.clone(),
+    };
+    let suite = Suite::new(&gpu, args.quick).with(&set)?;
+    let bar = progress(args.quiet, (chosen.len() * methods.len()) as u64, "cases");
     let mut rows = Vec::new();
     for case in chosen {
         let mut results = Vec::new();
-        for method in METHODS {
+        for &method in &methods {
             results.push((method, suite.run(&case, method, None)?));
             bar.inc(1);
         }
@@ -54,10 +71,11 @@ pub fn run(args: &Args) -> Result<()> {
             bar.suspend(|| super::print(&row.line()))?;
         }
         rows.push(row);
+        // what is done is kept, whatever becomes of the rest
+        report::write(&args.output, &rows, &setup)?;
     }
     bar.finish_and_clear();
     drop(suite);
-    report::write(&args.output, &rows, &setup)?;
     if !args.quiet {
         super::print(&args.output.join("stability.html").display().to_string())?;
     }

@@ -81,13 +81,25 @@ pub struct Outcome {
 pub struct Suite {
     gpu: Gpu,
     quick: bool,
+    set: Vec<(String, String)>,
     truths: Mutex<HashMap<(&'static str, usize), Arc<Truth>>>,
 }
 
 impl Suite {
     /// On a device. `quick`: smaller pictures, fewer frames.
     pub fn new(gpu: &Gpu, quick: bool) -> Self {
-        Self { gpu: gpu.keeping_passes(), quick, truths: Mutex::default() }
+        Self { gpu: gpu.keeping_passes(), quick, set: Vec::new(), truths: Mutex::default() }
+    }
+
+    /// With other settings, for every method.
+    ///
+    /// # Errors
+    /// An unknown setting or a bad value.
+    pub fn with(mut self, set: &[(&str, &str)]) -> Result<Self> {
+        let mut settings = Settings::of(Method::Iprt);
+        set.iter().try_for_each(|(name, value)| settings.set(name, value, "--set"))?;
+        self.set = set.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+        Ok(self)
     }
 
     /// Runs a case.
@@ -125,7 +137,7 @@ impl Run<'_> {
         &self.suite.gpu
     }
 
-    /// The method's settings, some of them set, what is broken last.
+    /// The method's settings, with the case's, the suite's, and what is broken last.
     ///
     /// # Errors
     /// An unknown setting.
@@ -135,6 +147,9 @@ impl Run<'_> {
             settings.relight_width = settings.relight_width.min(64);
         }
         for (name, value) in set {
+            settings.set(name, value, self.case)?;
+        }
+        for (name, value) in &self.suite.set {
             settings.set(name, value, self.case)?;
         }
         if let Some(Broken::Setting(name, value)) = self.broken {
@@ -161,17 +176,30 @@ impl Run<'_> {
     /// # Errors
     /// The renderer's.
     pub fn play(&self, film: &Film) -> Result<Vec<Texels>> {
+        let mut pictures = Vec::with_capacity(film.frames);
+        self.watch(film, |renderer| {
+            pictures.push(renderer.picture()?);
+            Ok(())
+        })?;
+        Ok(pictures)
+    }
+
+    /// Renders a film, and shows the renderer after each frame.
+    ///
+    /// # Errors
+    /// The renderer's.
+    pub fn watch(&self, film: &Film, mut look: impl FnMut(&Renderer) -> Result<()>) -> Result<()> {
         let scene = film.scene()?;
         let mut renderer = self.renderer(&scene, self.options(film.size, &film.set)?)?;
         let warmup = if self.method == Method::Reference { 256 } else { film.warmup };
         for _ in 0..warmup {
             renderer.render(&scene, 0.0)?;
         }
-        let frame = |n| {
+        for n in 0..film.frames {
             renderer.render(&scene, film.time(n))?;
-            renderer.picture()
-        };
-        (0..film.frames).map(frame).collect()
+            look(&renderer)?;
+        }
+        Ok(())
     }
 
     /// The truth of a frame, computed once for all methods; `which` numbers the films of a case.

@@ -1,6 +1,6 @@
 //! `stability.json`, a page for people, and the pictures.
 
-use super::{Case, METHODS, Outcome, metric::shown};
+use super::{Case, Outcome, metric::shown};
 use crate::{Error, Result, image_file::write::write_bytes, settings::Method};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Map, Value, json};
@@ -17,6 +17,8 @@ pub struct Setup {
     pub device: String,
     pub driver: String,
     pub quick: bool,
+    /// Settings that differ from the methods' own, as `key=value`.
+    pub set: Vec<String>,
 }
 
 impl Row {
@@ -135,7 +137,7 @@ pub fn write(folder: &Path, rows: &[Row], setup: &Setup) -> Result<()> {
         }
         body.push_str("</div></section>\n");
     }
-    let json = json!({ "device": setup.device, "driver": setup.driver, "quick": setup.quick,
+    let json = json!({ "device": setup.device, "driver": setup.driver, "quick": setup.quick, "set": setup.set,
         "cases": rows.iter().map(Row::json).collect::<Vec<_>>() });
     let json = serde_json::to_string_pretty(&json).map_err(|error| Error::Internal(error.to_string()))?;
     write_bytes(&folder.join("stability.html"), page(&body, rows, setup).as_bytes())?;
@@ -144,7 +146,7 @@ pub fn write(folder: &Path, rows: &[Row], setup: &Setup) -> Result<()> {
 
 fn page(body: &str, rows: &[Row], setup: &Setup) -> String {
     let mut table = String::from("<table><tr><th>case</th>");
-    for method in METHODS {
+    for (method, _) in rows.first().iter().flat_map(|row| &row.results) {
         let _ = write!(table, "<th>{}</th>", method.name());
     }
     table.push_str("<th>limit</th></tr>\n");
@@ -167,9 +169,10 @@ fn page(body: &str, rows: &[Row], setup: &Setup) -> String {
          <h1>Where methods of this kind fail</h1><p>Each case is a short sequence. One number says how far a method is from the \
          truth, or from what must not change; it passes up to the limit. The pictures are the worst frame, what it should be, and \
          the difference of displayed values, doubled, about grey. <b>ibl</b> looks light up by direction alone, <b>paper</b> is \
-         the published method, <b>iprt</b> the default here.</p><p class=\"fine\">{} ({}){}</p>\n{table}\n{body}</html>\n",
+         the published method, <b>iprt</b> the default here.</p><p class=\"fine\">{} ({}){}{}</p>\n{table}\n{body}</html>\n",
         setup.device,
         setup.driver,
         if setup.quick { ", quick: small pictures, few frames" } else { "" },
+        setup.set.iter().map(|pair| format!(", {pair}")).collect::<String>(),
     )
 }
