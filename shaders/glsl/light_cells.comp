@@ -1,19 +1,35 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Per video frame, light_table (first dispatch): mean luminance of each cell. In: panorama radiance. Out: lights (weights hold luminance for now).
+// Per video frame, light_table (first dispatch): mean luminance of each cell, of the radiance as rays see it: bilinear between texels, so that
+// a lamp's rim, which reaches into its neighbours, is drawn, too. In: panorama radiance. Out: lights (weights hold luminance for now).
 #define LIGHT_TABLE_WRITES
 #include "common.glsl"
 #include "panorama.glsl"
 #include "light.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
+// What a texel contributes to the mean over texels from.. to: the integral of its bilinear weight. `from` and `to` are relative to its centre.
+float hat(float from, float to) {
+    vec2 t = clamp(vec2(from, to), -1.0, 1.0);
+    vec2 integral = t - 0.5 * t * abs(t);
+    return integral.y - integral.x;
+}
+
 void main() {
     ivec2 cell = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(cell, LIGHT_CELLS))) return;
     ivec2 size = ivec2(in_view.view.color_size);
-    ivec2 from = cell * size / LIGHT_CELLS, to = max((cell + 1) * size / LIGHT_CELLS, from + 1);
+    vec2 from = vec2(cell) * vec2(size) / vec2(LIGHT_CELLS), to = vec2(cell + 1) * vec2(size) / vec2(LIGHT_CELLS);
+    ivec2 first = ivec2(floor(from - 0.5)), last = ivec2(floor(to + 0.5));
     float sum = 0.0;
-    for (int y = from.y; y < to.y; y++)
-        for (int x = from.x; x < to.x; x++) sum += luminance(imageLoad(in_panorama_radiance, ivec2(x, y)).rgb);
-    lights.value[LIGHT_WEIGHTS_AT + cell.y * LIGHT_CELLS.x + cell.x] = sum / float((to.x - from.x) * (to.y - from.y));
+    for (int y = first.y; y <= last.y; y++) {
+        float row = hat(from.y - float(y) - 0.5, to.y - float(y) - 0.5);
+        for (int x = first.x; x <= last.x; x++) {
+            bool beyond = y < 0 || y >= size.y; // the pole: the opposite meridian
+            ivec2 texel = ivec2((x + size.x + (beyond ? size.x / 2 : 0)) % size.x, y < 0 ? -1 - y : beyond ? 2 * size.y - 1 - y : y);
+            float weight = row * hat(from.x - float(x) - 0.5, to.x - float(x) - 0.5);
+            if (weight > 0.0) sum += weight * luminance(imageLoad(in_panorama_radiance, texel).rgb);
+        }
+    }
+    lights.value[LIGHT_WEIGHTS_AT + cell.y * LIGHT_CELLS.x + cell.x] = sum / ((to.x - from.x) * (to.y - from.y));
 }
