@@ -135,7 +135,7 @@ mod tests {
             assert_eq!(store.load(), [], "{} bytes", damaged.len());
         }
         store.put(a.clone());
-        assert_eq!(store.load(), [a.clone()], "written anew");
+        assert_eq!(store.load(), std::slice::from_ref(&a), "written anew");
         let nowhere = Store { file: None };
         nowhere.put(a);
         assert_eq!(nowhere.load(), []);
