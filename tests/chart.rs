@@ -204,7 +204,8 @@ fn check_kept(gpu: &Gpu, case: &Case, options: &ChartOptions, chart: &Chart, cac
         let options = RenderOptions { size: [480, 360], ..common::options(Method::Paper, &set) };
         Store::of(gpu, &case.scene, &options, case.scene.render.exposure, Some(cache)).expect("a key").load()
     };
-    let keep = |chart: &Chart| run::keep_sheets(gpu, std::slice::from_ref(case), options, chart, Some(cache));
+    let keep =
+        |chart: &Chart| iprt::measure::chart::keep_sheets(gpu, std::slice::from_ref(case), options, chart, Some(cache));
     keep(chart).expect("keeps");
     assert_eq!(asked(&[]), [], "too few points");
     let mut large = chart.clone();

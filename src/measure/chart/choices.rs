@@ -5,7 +5,7 @@ use super::{
     measure::{Clock, WARM_UP},
     pareto::front,
     point::{Chart, ChartChoice, ChartPoint, ChartScene, Cost},
-    run::ChartOptions,
+    run::{Case, ChartOptions},
 };
 use crate::{
     Result,
@@ -13,7 +13,8 @@ use crate::{
     measure::{
         bench::quantile,
         choice::{
-            Candidate, Expected, FRAMES, Sheet, TRADED, Target, choose, error, fixed_shares, quick, store::given,
+            Candidate, Expected, FRAMES, Sheet, TRADED, Target, choose, error, fixed_shares, quick,
+            store::{Store, given},
         },
         score::{Scorer, Scores},
     },
@@ -23,7 +24,7 @@ use crate::{
     scene::Scene,
     settings::{Method, Settings},
 };
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, path::Path};
 
 /// Where targets lie between the best and the worst that can be had.
 const BETWEEN: [f64; 3] = [0.1, 0.4, 0.8];
@@ -213,6 +214,29 @@ impl Chart {
     pub fn choices_of<'a>(&'a self, scene: &'a str) -> impl Iterator<Item = &'a ChartChoice> {
         self.choices.iter().filter(move |choice| choice.scene == scene)
     }
+}
+
+/// Keeps what was measured of each scene for choosing settings later, if it is of the first frame and of enough points.
+///
+/// # Errors
+/// A panorama that cannot be read.
+pub fn keep_sheets(
+    gpu: &Gpu,
+    cases: &[Case],
+    options: &ChartOptions,
+    chart: &Chart,
+    folder: Option<&Path>,
+) -> Result<()> {
+    for case in cases.iter().filter(|_| options.frame == 0) {
+        let Some(scene) = chart.scenes.iter().find(|scene| scene.name == case.name) else { continue };
+        let settings = case.settings()?;
+        let (sheet, _) = chart.sheet(scene, &settings);
+        if sheet.complete {
+            let view = options.render_options(settings, Method::Iprt);
+            Store::of(gpu, &case.scene, &view, scene.exposure, folder)?.put(sheet);
+        }
+    }
+    Ok(())
 }
 
 /// What the table of choices is.

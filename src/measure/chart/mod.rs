@@ -18,6 +18,7 @@ pub mod scatter;
 pub mod sentences;
 pub mod sweep;
 
+pub use choices::keep_sheets;
 pub use point::{Chart, ChartChoice, ChartPoint, ChartScene, Cost, Outcome, Round, Spread, Truth};
 pub use run::{Case, ChartOptions, run};
 pub use sweep::{Spec, Sweep};

@@ -13,7 +13,7 @@ use crate::{
     gpu::Gpu,
     image_file::write::write_png,
     measure::{
-        choice::store::{Store, version},
+        choice::store::version,
         metrics::Picture,
         regions::{self, Regions},
         score::{REGIONS, RealView, Scorer, real_view},
@@ -118,7 +118,7 @@ impl ChartOptions {
         if main <= 2 * timed { main.max(timed) } else { timed }
     }
 
-    fn render_options(&self, settings: Settings, method: Method) -> RenderOptions {
+    pub(super) fn render_options(&self, settings: Settings, method: Method) -> RenderOptions {
         RenderOptions {
             size: self.size,
             method,
@@ -180,29 +180,6 @@ pub fn run(
         bench.chooser(gpu, keep)?.run(&mut chart, &|chart| chart.save(folder), &mut |work| tick(work, &label))?;
     }
     Ok(chart)
-}
-
-/// Keeps what was measured of each scene for choosing settings later, if it is of the first frame and of enough points.
-///
-/// # Errors
-/// A panorama that cannot be read.
-pub fn keep_sheets(
-    gpu: &Gpu,
-    cases: &[Case],
-    options: &ChartOptions,
-    chart: &Chart,
-    folder: Option<&Path>,
-) -> Result<()> {
-    for case in cases.iter().filter(|_| options.frame == 0) {
-        let Some(scene) = chart.scenes.iter().find(|scene| scene.name == case.name) else { continue };
-        let settings = case.settings()?;
-        let (sheet, _) = chart.sheet(scene, &settings);
-        if sheet.complete {
-            let view = options.render_options(settings, Method::Iprt);
-            Store::of(gpu, &case.scene, &view, scene.exposure, folder)?.put(sheet);
-        }
-    }
-    Ok(())
 }
 
 /// Makes the folder of a chart, where it does not exist.
