@@ -146,7 +146,7 @@ impl Chosen {
                 false => format!("give {:.3} or more, or another --method or --set", up(best)),
             };
             let found =
-                format!("the least measured is {best:.3}, of which {:.3} is the truth's own noise", sheet.noise);
+                format!("the least measured is {best:.3} (two halves of the truth differ by {:.3})", sheet.noise);
             warnings.push(format!("--target-flip {flip}: out of reach: {found}; {remedy}"));
         }
         if let Some(ms) = target.ms.filter(|_| !choice.reached.ms) {
