@@ -25,7 +25,8 @@
 //! * [`plan`]: which parts of the model a scene needs. What is left out is not dispatched, compiled in or allocated.
 //! * [`renderer`]: the frame, as far as the plan has it.
 //! * [`mod@reference`]: scene truth by path tracing, the panoramas of the built-in rooms made with it, and truths that are kept.
-//! * [`measure`]: pass times, errors by region against both truths, and the [`measure::chart`] of speed against accuracy.
+//! * [`measure`]: pass times, errors by region against both truths, the [`measure::chart`] of speed against accuracy, and the
+//!   [`measure::choice`] of settings for a target from such points.
 //! * [`stability`]: where such methods fail: cases, each with its truth.
 //! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
 //!

@@ -6,8 +6,13 @@ use common::{ball, camera, lambert, options, room, scene, validated};
 use glam::{Vec3, vec3};
 use iprt::{
     Error,
+    gpu::Gpu,
     image_file::read::read,
-    measure::chart::{Case, Chart, ChartOptions, point::FILE, run, sweep::Sweep},
+    measure::{
+        chart::{Case, Chart, ChartOptions, point::FILE, run, sweep::Sweep},
+        choice::store::Store,
+    },
+    options::RenderOptions,
     reference::cache::{Keep, Truth, truth_of_model, truth_of_scene},
     scene::{CompleteScene, material::Material, shapes::Shape, viewpoint::Projection},
     settings::Method,
@@ -54,7 +59,7 @@ fn chart_options() -> ChartOptions {
         projection: Projection::Perspective,
         seed: 1,
         frame: 0,
-        frames: vec![1, 2],
+        frames: vec![1, 7],
         moving_frames: 2,
         rounds: 2,
         model_spp: 8,
@@ -89,6 +94,7 @@ fn points_are_measured_once_however_often_it_is_interrupted() {
         let keep = Keep { folder: Some(&cache), stop: &stop };
         // It is stopped in each round, and goes on; what was there stays as it was.
         let mut seen: BTreeMap<String, serde_json::Value> = BTreeMap::new();
+        let mut chosen: BTreeMap<String, serde_json::Value> = BTreeMap::new();
         let mut interruptions = 0;
         let chart = loop {
             stop.store(false, Ordering::Relaxed);
@@ -96,7 +102,7 @@ fn points_are_measured_once_however_often_it_is_interrupted() {
             let result = run::run(gpu, std::slice::from_ref(&case), &options, &out, keep, &mut |work, what| {
                 if work > 0 && !what.contains("truth") {
                     begun.set(begun.get() + 1);
-                    stop.store(begun.get() > 5 * interruptions, Ordering::Relaxed);
+                    stop.store(begun.get() > 4 * interruptions, Ordering::Relaxed);
                 }
             });
             let written = fs::read_to_string(out.join(FILE)).expect("there is a chart");
@@ -109,6 +115,11 @@ fn points_are_measured_once_however_often_it_is_interrupted() {
                 let rounds = |point: &serde_json::Value| point["rounds"].as_array().expect("rounds").clone();
                 assert!(rounds(point).starts_with(&rounds(&before)), "it was measured again");
             }
+            for choice in points["choices"].as_array().expect("choices") {
+                let (key, measured) = (choice["key"].as_str().expect("a key").to_owned(), choice["measured"].clone());
+                let before = chosen.entry(key).or_insert_with(|| measured.clone());
+                assert_eq!(*before, measured, "a choice was measured again");
+            }
             match result {
                 Ok(chart) => break chart,
                 Err(Error::Interrupted { .. }) => interruptions += 1,
@@ -119,7 +130,9 @@ fn points_are_measured_once_however_often_it_is_interrupted() {
         assert_eq!((chart.points.len(), seen.len()), (4, 4));
         assert!(Chart::load(&out).expect("a chart") == Some(chart.clone()), "it is read as it was written");
         check_points(&chart, &out);
+        check_choices(&chart);
         check_documents(&chart, &out);
+        check_kept(gpu, &case, &options, &chart, &cache);
 
         // Of another size it is another chart; of another seed of the truth, too.
         let other = ChartOptions { size: [32, 24], ..options.clone() };
@@ -141,13 +154,68 @@ fn check_points(chart: &Chart, out: &Path) {
     let frames = |name: &str| -> Vec<u32> {
         chart.point("test room", name).expect("a point").outcomes.iter().map(|outcome| outcome.frames).collect()
     };
-    assert_eq!(frames("iprt"), [1, 2]);
+    assert_eq!(frames("iprt"), [1, 7]);
     assert_eq!(frames("reference, 4 paths"), [4]);
+    let flickers = |name: &str| -> Vec<&str> {
+        chart.point("test room", name).expect("a point").flicker.keys().map(String::as_str).collect()
+    };
+    assert_eq!(flickers("iprt"), ["influenced", "virtual", "whole"]);
+    assert!(flickers("reference, 4 paths").is_empty(), "its picture is one, and no frames");
+    let flicker = &chart.point("test room", "iprt").expect("a point").flicker;
+    assert!(flicker["virtual"] > 1e-5 && flicker["virtual"] < 0.1, "{flicker:?}");
+    assert!(flicker["whole"] < flicker["influenced"], "what nothing influences stands still: {flicker:?}");
     assert_eq!(chart.point("test room", "scale = 0.5").expect("a point").rendered, [24, 18]);
     let csv = chart.csv();
     // commas within quotes are no separators
     let columns = |line: &str| line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>();
-    assert!(csv.lines().all(|line| columns(line) == 20), "{csv}");
+    assert!(csv.lines().all(|line| columns(line) == 21), "{csv}");
+}
+
+/// Each target's choice is one of the points that a user can have, predicted from it and measured anew.
+fn check_choices(chart: &Chart) {
+    let choices: Vec<_> = chart.choices_of("test room").collect();
+    assert!(choices.len() >= 2 && choices.len() == chart.choices.len(), "{choices:?}");
+    for choice in &choices {
+        assert!(["iprt", "rays_per_pixel = 1"].contains(&choice.point.as_str()), "{choice:?}");
+        let point = chart.point("test room", &choice.point).expect("a point");
+        assert_eq!((&choice.key, choice.larger_size), (&point.key, [96, 72]));
+        let flip = |region| point.flip(7, iprt::measure::chart::Truth::Scene, region).expect("measured");
+        let worst = [flip("virtual"), flip("influenced")].map(|flip| flip.high).into_iter().fold(0.0, f64::max);
+        assert!(choice.predicted.flip <= worst + 1e-9 && choice.predicted.flip > 0.0, "{choice:?}");
+        assert!(choice.measured.flip > 0.0 && choice.measured.flip != choice.predicted.flip, "another seed");
+        assert!(choice.measured.ms > 0.0 && choice.larger_ms.iter().all(|ms| *ms > 0.0), "{choice:?}");
+        assert!(choice.target.flip.is_none_or(|flip| choice.predicted.flip <= flip), "{choice:?}");
+        assert!(choice.target.ms.is_none_or(|ms| choice.predicted.ms <= ms), "{choice:?}");
+    }
+    let (sheet, points) = chart.sheet(&chart.scenes[0], &case().settings().expect("good settings"));
+    assert_eq!((sheet.candidates.len(), points.len()), (2, 2), "no scaled picture, and none that costs all its frames");
+    assert!(sheet.candidates[0].set.is_empty(), "what the scene sets is no part of a choice: {sheet:?}");
+    assert_eq!(sheet.candidates[1].flags(), "--method iprt --set rays_per_pixel=1");
+    assert!(!sheet.complete, "too few to choose from");
+    let fixed = |pass: &str| sheet.fixed.get(pass).copied();
+    assert!(fixed("gbuffer").is_some_and(|share| (0.0..=1.0).contains(&share)), "{:?}", sheet.fixed);
+}
+
+/// A chart of enough points leaves them where `--target-flip` looks for them.
+fn check_kept(gpu: &Gpu, case: &Case, options: &ChartOptions, chart: &Chart, cache: &Path) {
+    let asked = |set: &[(&str, &str)]| {
+        let coarse = COARSE.map(|(name, value)| (name, value.to_string()));
+        let set: Vec<_> = coarse.iter().map(|(k, v)| (*k, v.as_str())).chain(set.iter().copied()).collect();
+        let options = RenderOptions { size: [480, 360], ..common::options(Method::Paper, &set) };
+        Store::of(gpu, &case.scene, &options, case.scene.render.exposure, Some(cache)).expect("a key").load()
+    };
+    let keep =
+        |chart: &Chart| iprt::measure::chart::keep_sheets(gpu, std::slice::from_ref(case), options, chart, Some(cache));
+    keep(chart).expect("keeps");
+    assert_eq!(asked(&[]), [], "too few points");
+    let mut large = chart.clone();
+    large.of.main_frames = 16;
+    large.points = [&chart.points[..], &chart.points, &chart.points].concat();
+    keep(&large).expect("keeps");
+    let kept = asked(&[]);
+    assert_eq!((kept.len(), kept[0].candidates.len()), (1, 6));
+    assert!(kept[0].serves(SIZE) && kept[0].truth == "scene truth");
+    assert_eq!(asked(&[("bounces", "2")]), [], "other settings, other points");
 }
 
 /// What people open: it holds every point, and needs nothing that is not in it.
@@ -167,6 +235,10 @@ fn check_documents(chart: &Chart, out: &Path) {
     for point in &chart.points {
         assert!(page.contains(&format!(">{}</b>", point.name)), "{} has no row", point.name);
         assert!(drawing.contains(&format!("<title>{}&#10;", point.name)), "{} is not drawn", point.name);
+        if let Some(flicker) = point.flicker.get("whole") {
+            let text = format!("flicker whole {flicker:.4}, ");
+            assert!(drawing.contains(&text) && page.contains(&text.replace("flicker ", "flicker: ")), "{text}");
+        }
         for (name, value) in &point.settings {
             assert!(page.contains(&format!("{name} = {value}")), "{name} of {}", point.name);
         }
@@ -188,6 +260,10 @@ fn check_documents(chart: &Chart, out: &Path) {
         table.contains("](images/full-test_room.png)") && out.join("images/full-test_room.png").is_file(),
         "{table}"
     );
+    for (target, chosen) in chart.choices.iter().map(|choice| (choice.target.text(), &choice.point)) {
+        assert!(table.contains(&format!("| {target} | {chosen} |")), "{target} → {chosen}: {table}");
+        assert!(page.contains(&format!("<td>{target}</td><td>{chosen}</td>")), "{target} → {chosen}");
+    }
     for point in &chart.points {
         assert!(table.contains(&format!("| `{}` |", point.name)), "{table}");
     }

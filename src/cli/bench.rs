@@ -1,6 +1,9 @@
 //! `iprt bench`: GPU time of every pass.
 
-use super::common::{PictureArgs, parse_frames, parse_size, progress};
+use super::{
+    common::{PictureArgs, parse_frames, parse_size, progress},
+    target::TargetArgs,
+};
 use crate::{
     Error, Result,
     image_file::write::write_bytes,
@@ -14,6 +17,8 @@ use std::path::PathBuf;
 pub struct Args {
     #[command(flatten)]
     pub picture: PictureArgs,
+    #[command(flatten)]
+    pub target: TargetArgs,
     /// Frames A..B to measure, both included
     #[arg(long, value_name = "A..B", default_value = "0..29")]
     pub frames: String,
@@ -21,7 +26,7 @@ pub struct Args {
     #[arg(long, default_value_t = 5)]
     pub warmup: u32,
     /// Measure the panorama's tracer instead: million rays a second, by kind of ray and size of the depth map
-    #[arg(long, conflicts_with_all = ["frames", "warmup", "csv", "trace"])]
+    #[arg(long, conflicts_with_all = ["frames", "warmup", "csv", "trace", "target_ms", "target_flip"])]
     pub rays: bool,
     /// Sizes that the depth map is resampled to for --rays
     #[arg(
@@ -52,12 +57,16 @@ pub fn run(args: &Args) -> Result<()> {
         return run_rays(args);
     }
     let [first, last] = parse_frames(&args.frames)?;
+    args.target.target()?;
     for path in [&args.json, &args.csv, &args.trace].into_iter().flatten() {
         super::render::require_folder(path)?;
     }
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
-    let options = args.picture.options(&scene, false)?;
+    let mut options = args.picture.options(&scene, false)?;
+    let exposure = scene.render.exposure;
+    let chosen = args.target.apply(&gpu, &scene, &args.picture, &mut options, exposure, first != last)?;
+    chosen.iter().for_each(|chosen| chosen.say(args.picture.quiet));
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     let count = last - first + 1;
     let bar = progress(args.picture.quiet, u64::from(args.warmup) + u64::from(count), "measuring");

@@ -92,6 +92,7 @@ pub fn run(args: &Args) -> Result<()> {
         progress.show(work, what);
     })?;
     progress.bar.finish_and_clear();
+    measure::chart::keep_sheets(&gpu, &cases, &options, &chart, cache.as_deref())?;
     write_bytes(&args.output.join("chart.csv"), chart.csv().as_bytes())?;
     chart.write_figure(&args.output)?;
     chart.write_page(&args.output)?;

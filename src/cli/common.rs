@@ -99,9 +99,8 @@ impl PictureArgs {
         if converged {
             settings.converge();
         }
-        for (key, value) in &scene.render.set {
-            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            settings.set(key, &text, &format!("{}: render.set", scene.name))?;
+        for (key, text) in scene.render.set_text() {
+            settings.set(&key, &text, &format!("{}: render.set", scene.name))?;
         }
         for pair in &self.set {
             let (key, value) = key_value(pair)?;
@@ -133,6 +132,11 @@ impl PictureArgs {
             }
         }
         Ok(scene)
+    }
+
+    /// Whether there is one.
+    pub fn room_known(&self, scene: &Scene) -> bool {
+        scene.room.is_some() || self.scene.as_deref().is_none_or(|name| rooms::by_name(name).is_some())
     }
 }
 
@@ -203,13 +207,28 @@ pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
     }
 }
 
+/// Whether Ctrl-C is left to [`interrupted`].
+static KEEPS: AtomicBool = AtomicBool::new(false);
+
 /// Set by Ctrl-C and by a polite `kill`: what is in flight is finished and what was done is kept.
 pub fn interrupted() -> &'static AtomicBool {
     static STOP: AtomicBool = AtomicBool::new(false);
-    if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
+    KEEPS.store(true, Ordering::Relaxed);
+    let handler = || {
+        STOP.store(true, Ordering::Relaxed);
+        if !KEEPS.load(Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    if let Err(error) = ctrlc::set_handler(handler) {
         tracing::warn!("Ctrl-C will not keep what was done: {error}");
     }
     &STOP
+}
+
+/// What follows ends at once on Ctrl-C, as it does where nobody asked for [`interrupted`].
+pub fn nothing_to_keep() {
+    KEEPS.store(false, Ordering::Relaxed);
 }
 
 /// A progress bar on standard error; hidden where it is not a terminal or `quiet`.

@@ -5,7 +5,6 @@ use crate::{
     Error, Result,
     image_file::write::write_png,
     measure::regions::{of_model, of_scene},
-    scene::rooms,
     settings::Method,
 };
 use std::{fs, path::PathBuf};
@@ -46,7 +45,7 @@ pub fn run(args: &Args) -> Result<()> {
     fs::create_dir_all(&args.output).map_err(|error| {
         Error::input(args.output.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
     })?;
-    let known = scene.room.is_some() || args.picture.scene.as_deref().is_none_or(|name| rooms::by_name(name).is_some());
+    let known = args.picture.room_known(&scene);
     let by_scene = match args.model.as_deref() {
         None => known,
         Some("panorama") => false,

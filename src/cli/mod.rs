@@ -15,6 +15,7 @@ pub mod reference;
 pub mod render;
 pub mod scene;
 pub mod stability;
+pub mod target;
 
 use std::io::{self, Write};
 

@@ -1,6 +1,9 @@
 //! `iprt render`: pictures to files.
 
-use super::common::{PictureArgs, parse_frames, progress};
+use super::{
+    common::{PictureArgs, parse_frames, progress},
+    target::TargetArgs,
+};
 use crate::{
     Error, Result,
     image_file::{
@@ -21,6 +24,8 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     #[command(flatten)]
     pub picture: PictureArgs,
+    #[command(flatten)]
+    pub target: TargetArgs,
     /// .png (display) or .exr (linear, with --aov layers); a %04d pattern for a sequence
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
@@ -31,7 +36,7 @@ pub struct Args {
     #[arg(long)]
     pub warmup: Option<u32>,
     /// Converge the method's own model instead: so many paths a pixel, nothing filtered, no history [with --method reference 64]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["target_ms", "target_flip"])]
     pub spp: Option<u32>,
     /// Factor on radiance before display; the scene's by default
     #[arg(long)]
@@ -48,9 +53,10 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<()> {
     let kind = Kind::of(&args.output)?;
     require_folder(&args.output)?;
+    args.target.target()?;
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
-    let options = args.picture.options(&scene, args.spp.is_some())?;
+    let mut options = args.picture.options(&scene, args.spp.is_some())?;
     let exposure = args.exposure.unwrap_or(scene.render.exposure);
     if !(exposure.is_finite() && exposure > 0.0) {
         return Err(Error::input("--exposure", format!("{exposure}"), "give a positive number"));
@@ -70,6 +76,8 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(Error::input("--aov", "a PNG holds the picture alone", "write an .exr"));
     }
 
+    let chosen = args.target.apply(&gpu, &scene, &args.picture, &mut options, exposure, first != last)?;
+    chosen.iter().for_each(|chosen| chosen.say(args.picture.quiet));
     let converge = args.spp.is_some() || options.method == Method::Reference;
     let warmup = args.warmup.unwrap_or(if converge { 0 } else { 15 });
     let spp = if converge { args.spp.unwrap_or(64).max(1) } else { 1 };

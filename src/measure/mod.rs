@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod chart;
+pub mod choice;
 pub mod metrics;
 pub mod motion;
 pub mod rays;

@@ -68,6 +68,45 @@ pub struct Yardstick {
     pub noise: Score,
 }
 
+impl Yardstick {
+    /// Model truth.
+    ///
+    /// # Errors
+    /// Regions of another size, radiance that is not finite.
+    pub fn of_model(truth: &Truth, regions: &Regions, exposure: f32) -> Result<Self> {
+        let noise = score(truth.size, &truth.halves[0], &truth.halves[1], regions, exposure)?;
+        Ok(Self { radiance: truth.radiance.clone(), noise })
+    }
+
+    /// Scene truth, from those with the objects and without.
+    ///
+    /// # Errors
+    /// Truths of other sizes than the view, radiance that is not finite.
+    pub fn of_scene(view: &RealView, truths: [&Truth; 2], regions: &Regions, exposure: f32) -> Result<Self> {
+        let [with, without] = truths;
+        let halves = [0, 1].map(|i| relit(view, &with.halves[i], &without.halves[i]));
+        let noise = score(with.size, &halves[0], &halves[1], regions, exposure)?;
+        Ok(Self { radiance: relit(view, &with.radiance, &without.radiance), noise })
+    }
+
+    /// The picture without objects as its own truth: exact, and of one region alone.
+    ///
+    /// # Errors
+    /// Radiance that is not finite.
+    pub fn of_nothing(view: &RealView, size: [u32; 2], regions: &Regions, exposure: f32) -> Result<Self> {
+        let radiance = view.camera_radiance.clone();
+        Ok(Self { noise: score(size, &radiance, &radiance, regions, exposure)?, radiance })
+    }
+
+    /// Scores a picture of linear radiance.
+    ///
+    /// # Errors
+    /// Another size, radiance that is not finite.
+    pub fn score(&self, size: [u32; 2], picture: &[[f32; 4]], regions: &Regions, exposure: f32) -> Result<Score> {
+        score(size, picture, &self.radiance, regions, exposure)
+    }
+}
+
 /// What is real of a view: the panorama alone, and each pixel's share M of it.
 #[derive(Clone, Debug)]
 pub struct RealView {
@@ -124,18 +163,8 @@ impl Scorer {
         exposure: f32,
     ) -> Result<Self> {
         let size = model.size;
-        let noise = |halves: [&[[f32; 4]]; 2]| score(size, halves[0], halves[1], &regions, exposure);
-        let model_noise = noise([&model.halves[0], &model.halves[1]])?;
-        let scene = match scene {
-            Some([with, without]) => {
-                let relit = |with: &[[f32; 4]], without: &[[f32; 4]]| relit(view, with, without);
-                let halves = [0, 1].map(|i| relit(&with.halves[i], &without.halves[i]));
-                let noise = noise([&halves[0], &halves[1]])?;
-                Some(Yardstick { radiance: relit(&with.radiance, &without.radiance), noise })
-            }
-            None => None,
-        };
-        let model = Yardstick { radiance: model.radiance.clone(), noise: model_noise };
+        let scene = scene.map(|truths| Yardstick::of_scene(view, truths, &regions, exposure)).transpose()?;
+        let model = Yardstick::of_model(model, &regions, exposure)?;
         Ok(Self { size, exposure, regions, model, scene })
     }
 
@@ -144,7 +173,7 @@ impl Scorer {
     /// # Errors
     /// Another size, radiance that is not finite.
     pub fn score(&self, picture: &[[f32; 4]]) -> Result<Scores> {
-        let against = |truth: &Yardstick| score(self.size, picture, &truth.radiance, &self.regions, self.exposure);
+        let against = |truth: &Yardstick| truth.score(self.size, picture, &self.regions, self.exposure);
         Ok(Scores { model: against(&self.model)?, scene: self.scene.as_ref().map(against).transpose()? })
     }
 

@@ -47,6 +47,14 @@ pub struct RenderSettings {
     pub set: BTreeMap<String, toml::Value>,
 }
 
+impl RenderSettings {
+    /// `set` as `--set` takes it.
+    pub fn set_text(&self) -> Vec<(String, String)> {
+        let text = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        self.set.iter().map(|(name, value)| (name.clone(), text(value))).collect()
+    }
+}
+
 impl Default for RenderSettings {
     fn default() -> Self {
         Self { method: "iprt".into(), exposure: 1.0, set: BTreeMap::new() }

@@ -33,12 +33,17 @@ impl Folder {
 
     /// The same with arguments that may hold blanks.
     pub fn run_with(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_iprt"));
-        command.args(arguments).current_dir(&self.0).env_remove("IPRT_VALIDATION");
-        let output = command.output().expect("runs");
+        let output = self.command().args(arguments).output().expect("runs");
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert!(!stderr.contains("panicked"), "iprt {arguments:?}: {stderr}");
         output
+    }
+
+    /// `iprt`, to be run in it.
+    pub fn command(&self) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_iprt"));
+        command.current_dir(&self.0).env_remove("IPRT_VALIDATION");
+        command
     }
 
     /// What a run that succeeds prints.

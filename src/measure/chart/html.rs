@@ -1,6 +1,7 @@
 //! The chart as one page that needs nothing but itself.
 
 use super::{
+    choices,
     draw::{escape, group_color, pass_color, short},
     figure::panel_title,
     point::{Chart, ChartPoint, ChartScene, Cost, Truth},
@@ -92,7 +93,9 @@ impl Chart {
                 escape(&finding.sentences.join(" "))
             );
         }
-        out.push_str("</ul><h3>Points</h3>");
+        out.push_str("</ul>");
+        self.choices_page(out, scene);
+        out.push_str("<h3>Points</h3>");
         self.points_table(out, scene, folder, &id)
     }
 
@@ -111,6 +114,23 @@ impl Chart {
             );
         }
         out.push_str("</div>");
+    }
+
+    fn choices_page(&self, out: &mut String, scene: &ChartScene) {
+        if self.choices_of(&scene.name).next().is_none() {
+            return;
+        }
+        out.push_str("<h3>Choosing for a target</h3>");
+        let _ = write!(out, "<p>{}</p><table class=\"choices\"><tr>", choices::INTRODUCTION.replace('`', ""));
+        for cell in choices::head(self, scene) {
+            let _ = write!(out, "<th>{}</th>", escape(&cell));
+        }
+        out.push_str("</tr>");
+        for choice in self.choices_of(&scene.name) {
+            let cells = choice.cells().map(|cell| format!("<td>{}</td>", escape(&cell))).concat();
+            let _ = write!(out, "<tr>{cells}</tr>");
+        }
+        out.push_str("</table>");
     }
 
     fn points_table(&self, out: &mut String, scene: &ChartScene, folder: &Path, id: &str) -> Result<()> {
@@ -216,8 +236,10 @@ fn times(point: &ChartPoint) -> String {
         Cost::Picture => "ms the picture",
     };
     let [median, low, high] = [point.ms.median, point.ms.low, point.ms.high].map(short);
+    let flicker =
+        if point.flicker.is_empty() { String::new() } else { format!("<br>flicker: {}", point.flicker_text()) };
     format!(
-        "<b>{median}</b> {unit}<br><small>{low} to {high}; {:.0} MiB</small>",
+        "<b>{median}</b> {unit}<br><small>{low} to {high}; {:.0} MiB{flicker}</small>",
         point.memory as f64 / f64::from(1 << 20)
     )
 }

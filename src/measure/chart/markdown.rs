@@ -1,6 +1,7 @@
 //! A chart as Markdown tables, put between two marks of a document.
 
 use super::{
+    choices,
     draw::short,
     figure,
     pictures::{Codes, strip},
@@ -95,8 +96,21 @@ impl Chart {
         for scene in &self.scenes {
             self.table(&mut out, scene);
             out += &below(scene)?;
+            self.choices_markdown(&mut out, scene);
         }
         Ok(out)
+    }
+
+    fn choices_markdown(&self, out: &mut String, scene: &ChartScene) {
+        if self.choices_of(&scene.name).next().is_none() {
+            return;
+        }
+        let head = choices::head(self, scene);
+        let _ = write!(out, "\n{}\n\n| {} |\n|---|---|", choices::INTRODUCTION, head.join(" | "));
+        let _ = writeln!(out, "{}", "---:|".repeat(head.len() - 2));
+        for choice in self.choices_of(&scene.name) {
+            let _ = writeln!(out, "| {} |", choice.cells().join(" | "));
+        }
     }
 
     fn table(&self, out: &mut String, scene: &ChartScene) {

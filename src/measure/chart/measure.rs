@@ -12,7 +12,8 @@ use crate::{
     measure::{
         bench::{PASSES, quantile},
         metrics::Picture,
-        score::{Scorer, Scores},
+        score::{REGIONS, Scorer, Scores},
+        temporal::{self, Frames},
     },
     options::RenderOptions,
     reference::cache::Keep,
@@ -52,7 +53,9 @@ pub(super) fn measure(gpu: &Gpu, target: &Target, key: &str, keep: Keep) -> Resu
     let looked_at = spec.frames.map_or_else(|| chart.frames.clone(), |frames| vec![frames]);
     let mut clock = Clock::default();
     let mut outcomes = Vec::new();
-    for frame in 1..=looked_at.last().copied().unwrap_or(0) {
+    let last = looked_at.last().copied().unwrap_or(0);
+    let mut steady = Vec::new();
+    for frame in 1..=last {
         keep.go_on(&target.folder.display().to_string())?;
         clock.frame(&mut renderer, target.scene, target.time)?;
         if looked_at.contains(&frame) {
@@ -62,10 +65,13 @@ pub(super) fn measure(gpu: &Gpu, target: &Target, key: &str, keep: Keep) -> Resu
             }
             outcomes.push(outcome);
         }
+        if spec.cost == Cost::Frame && frame > WARM_UP && frame + TIMED > last {
+            steady.push(picture(target, &renderer)?);
+        }
     }
     let memory = gpu.device_bytes();
-    let prepare_ms = renderer.prepared().entries.iter().filter(|(name, _)| PREPARE.contains(&name.as_str()));
-    let prepare_ms = prepare_ms.map(|(_, ms)| ms).sum();
+    let round = clock.round(&renderer);
+    let flicker = flicker(target, &steady)?;
     if spec.cost == Cost::Frame && chart.moving_frames > 0 && moves(target.scene, target.time, chart.moving_frames) {
         renderer.reset_history("the scene starts to move");
         for frame in 1..=chart.moving_frames {
@@ -94,7 +100,8 @@ pub(super) fn measure(gpu: &Gpu, target: &Target, key: &str, keep: Keep) -> Resu
         cost: spec.cost,
         ms: Spread::default(),
         memory,
-        rounds: vec![clock.round(prepare_ms)],
+        flicker,
+        rounds: vec![round],
         outcomes,
     };
     point.summarise();
@@ -112,8 +119,20 @@ pub(super) fn measure_again(gpu: &Gpu, target: &Target, keep: Keep) -> Result<Ro
             clock.scores = Some(target.scorer.score(&picture(target, &renderer)?)?);
         }
     }
-    let prepare = renderer.prepared().entries.iter().filter(|(name, _)| PREPARE.contains(&name.as_str()));
-    Ok(clock.round(prepare.map(|(_, ms)| ms).sum()))
+    Ok(clock.round(&renderer))
+}
+
+/// Of the frames of a still scene, where there are two at least.
+fn flicker(target: &Target, frames: &[Vec<[f32; 4]>]) -> Result<BTreeMap<String, f64>> {
+    if frames.len() < 2 {
+        return Ok(BTreeMap::new());
+    }
+    let Scorer { size, exposure, ref regions, .. } = *target.scorer;
+    let masks = [None, Some(&regions.virtual_), Some(&regions.influenced)];
+    let seen = REGIONS.iter().zip(masks).filter(|(_, mask)| mask.is_none_or(|mask| mask.contains(&true)));
+    let frames = Frames { subject: target.name, size, frames };
+    seen.map(|(name, mask)| Ok(((*name).to_owned(), temporal::flicker(frames, mask.map(Vec::as_slice), exposure)?)))
+        .collect()
 }
 
 /// Passes that run once a video frame.
@@ -165,14 +184,14 @@ fn outcome(target: &Target, renderer: &Renderer, frames: u32, moving: bool) -> R
 
 /// Times of frames, those of warm-up left out.
 #[derive(Default)]
-struct Clock {
+pub(in crate::measure) struct Clock {
     frames: u32,
     timed: Vec<(Timings, f64)>,
     scores: Option<Scores>,
 }
 
 impl Clock {
-    fn frame(&mut self, renderer: &mut Renderer, scene: &Scene, time: f64) -> Result<()> {
+    pub(in crate::measure) fn frame(&mut self, renderer: &mut Renderer, scene: &Scene, time: f64) -> Result<()> {
         let start = Instant::now();
         let timings = renderer.render(scene, time)?;
         self.frames += 1;
@@ -182,18 +201,20 @@ impl Clock {
         Ok(())
     }
 
-    fn round(self, prepare_ms: f64) -> Round {
+    /// What was timed of this renderer.
+    pub(in crate::measure) fn round(self, renderer: &Renderer) -> Round {
         let mut passes: BTreeMap<String, Vec<f64>> = BTreeMap::new();
         for (timings, _) in &self.timed {
             let mut sums: BTreeMap<&str, f64> = BTreeMap::new();
             timings.entries.iter().for_each(|(name, ms)| *sums.entry(name).or_default() += ms);
             sums.into_iter().for_each(|(name, ms)| passes.entry(name.to_owned()).or_default().push(ms));
         }
+        let prepared = renderer.prepared().entries.iter().filter(|(name, _)| PREPARE.contains(&name.as_str()));
         Round {
             frame_ms: self.timed.iter().map(|(timings, _)| timings.gpu_ms).collect(),
             wall_ms: self.timed.iter().map(|(_, ms)| *ms).collect(),
             passes: passes.into_iter().map(|(name, mut ms)| (name, quantile(&mut ms, 0.5))).collect(),
-            prepare_ms,
+            prepare_ms: prepared.map(|(_, ms)| ms).sum(),
             scores: self.scores,
         }
     }

@@ -3,12 +3,13 @@
 //!
 //! [`sweep`] says which points there are, [`mod@run`] measures them; [`csv`], [`figure`], [`html`] and [`markdown`] show them.
 
+mod choices;
 pub mod csv;
 pub mod draw;
 pub mod figure;
 pub mod html;
 pub mod markdown;
-mod measure;
+pub(in crate::measure) mod measure;
 pub mod pareto;
 pub mod pictures;
 pub mod point;
@@ -17,6 +18,7 @@ pub mod scatter;
 pub mod sentences;
 pub mod sweep;
 
-pub use point::{Chart, ChartPoint, ChartScene, Cost, Outcome, Round, Spread, Truth};
+pub use choices::keep_sheets;
+pub use point::{Chart, ChartChoice, ChartPoint, ChartScene, Cost, Outcome, Round, Spread, Truth};
 pub use run::{Case, ChartOptions, run};
 pub use sweep::{Spec, Sweep};

@@ -5,7 +5,8 @@ use crate::{
     image_file::{read::read_bytes, write::write_bytes},
     measure::{
         bench::{PASSES, quantile},
-        score::{Score, Scores},
+        choice::{Expected, Target},
+        score::{REGIONS, Score, Scores},
     },
 };
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,29 @@ pub struct Chart {
     pub scenes: Vec<ChartScene>,
     /// Measured so far.
     pub points: Vec<ChartPoint>,
+    /// What was chosen from them, and measured anew.
+    pub choices: Vec<ChartChoice>,
+}
+
+/// What is chosen from a scene's points for a target, and what it then is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChartChoice {
+    /// The scene's name.
+    pub scene: String,
+    /// At the chart's size.
+    pub target: Target,
+    /// The chosen point's key.
+    pub key: String,
+    /// The chosen point's name.
+    pub point: String,
+    /// By the points.
+    pub predicted: Expected,
+    /// Measured anew, with other random numbers.
+    pub measured: Expected,
+    /// Width and height of a larger picture, pixels.
+    pub larger_size: [u32; 2],
+    /// GPU milliseconds of its frame, predicted from the chart's size and measured.
+    pub larger_ms: [f64; 2],
 }
 
 /// What points must have in common to be compared.
@@ -189,6 +213,9 @@ pub struct ChartPoint {
     pub ms: Spread,
     /// Device memory, bytes.
     pub memory: u64,
+    /// By region, [`flicker`](crate::measure::temporal::flicker()) of its last still frames, eight at most, those of warm-up left out; nothing of
+    /// pictures that cost all their frames.
+    pub flicker: BTreeMap<String, f64>,
     /// The raw times.
     pub rounds: Vec<Round>,
     /// The pictures.
@@ -234,6 +261,12 @@ impl ChartPoint {
             let flip = of(&self.still(main_frames)?.scores)?;
             Some(Spread { median: flip, low: flip, high: flip })
         })
+    }
+
+    /// Flicker by region, in a line for people.
+    pub fn flicker_text(&self) -> String {
+        let of = |region: &&str| Some(format!("{region} {:.4}", self.flicker.get(*region)?));
+        REGIONS.iter().filter_map(of).collect::<Vec<_>>().join(", ")
     }
 
     /// The picture of the moving scene.

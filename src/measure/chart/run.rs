@@ -2,6 +2,7 @@
 //! them. Each result is in the chart's file before the next is begun; what is there is not measured again.
 
 use super::{
+    choices::{self, Chooser},
     measure::{TIMED, WARM_UP, measure, measure_again},
     pictures::{write_difference, write_picture},
     point::{Chart, ChartPoint, ChartScene, Conditions},
@@ -10,8 +11,9 @@ use super::{
 use crate::{
     Error, Result,
     gpu::Gpu,
-    image_file::{read::read_bytes, write::write_png},
+    image_file::write::write_png,
     measure::{
+        choice::store::version,
         metrics::Picture,
         regions::{self, Regions},
         score::{REGIONS, RealView, Scorer, real_view},
@@ -21,7 +23,7 @@ use crate::{
     scene::{CompleteScene, Scene, viewpoint::Projection},
     settings::{Method, Settings},
 };
-use std::{collections::BTreeMap, env, fs, path::Path};
+use std::{collections::BTreeMap, fs, path::Path};
 
 /// A scene to chart.
 #[derive(Clone, Debug)]
@@ -32,6 +34,20 @@ pub struct Case {
     pub scene: Scene,
     /// The complete true scene with the objects and without, where it is known.
     pub complete: Option<[CompleteScene; 2]>,
+}
+
+impl Case {
+    /// The default method's settings with those of the scene over them.
+    ///
+    /// # Errors
+    /// One that is none.
+    pub fn settings(&self) -> Result<Settings> {
+        let mut settings = Settings::of(Method::Iprt);
+        for (name, value) in self.scene.render.set_text() {
+            settings.set(&name, &value, &self.name)?;
+        }
+        Ok(settings)
+    }
 }
 
 /// What can be chosen.
@@ -77,7 +93,7 @@ impl ChartOptions {
             };
             scene + PATH_WORK * u64::from(cache::rounded(self.model_spp, cache::MODEL_BATCH))
         };
-        cases.into_iter().map(|case| truth(case) + points).sum()
+        cases.into_iter().map(|case| truth(case) + points + choices::work(self)).sum()
     }
 
     fn point_work(&self, spec: &Spec) -> u64 {
@@ -102,7 +118,7 @@ impl ChartOptions {
         if main <= 2 * timed { main.max(timed) } else { timed }
     }
 
-    fn render_options(&self, settings: Settings, method: Method) -> RenderOptions {
+    pub(super) fn render_options(&self, settings: Settings, method: Method) -> RenderOptions {
         RenderOptions {
             size: self.size,
             method,
@@ -159,15 +175,11 @@ pub fn run(
                 tick(options.round_work(spec, round), &label);
             }
         }
+        let label = format!("{}, choices for targets", case.name);
+        tick(0, &label);
+        bench.chooser(gpu, keep)?.run(&mut chart, &|chart| chart.save(folder), &mut |work| tick(work, &label))?;
     }
     Ok(chart)
-}
-
-/// The package's version and a hash of the program itself: times and pictures of another build are not mixed in.
-fn version() -> Result<String> {
-    let program = env::current_exe().map_err(|error| Error::Internal(format!("the program's own file: {error}")))?;
-    let hash = blake3::hash(&read_bytes(&program)?).to_hex();
-    Ok(format!("{} build {}", env!("CARGO_PKG_VERSION"), &hash[..12]))
 }
 
 /// Makes the folder of a chart, where it does not exist.
@@ -194,7 +206,7 @@ fn open(gpu: &Gpu, options: &ChartOptions, folder: &Path) -> Result<Chart> {
         main_frames: options.main_frames(),
     };
     let Some(chart) = Chart::load(folder)? else {
-        let chart = Chart { of, scenes: Vec::new(), points: Vec::new() };
+        let chart = Chart { of, scenes: Vec::new(), points: Vec::new(), choices: Vec::new() };
         chart.save(folder)?;
         return Ok(chart);
     };
@@ -238,7 +250,7 @@ impl<'a> Bench<'a> {
         tick: &mut dyn FnMut(u64, &str),
     ) -> Result<Self> {
         let time = case.scene.panorama.frame_time(options.frame as usize);
-        let of_scene: Vec<(String, String)> = case.scene.render.set.iter().map(|(k, v)| (k.clone(), text(v))).collect();
+        let of_scene = case.scene.render.set_text();
         let base = options.render_options(Settings::of(Method::Reference), Method::Reference);
         let label = format!("{}, model truth", case.name);
         tick(0, &label);
@@ -314,6 +326,18 @@ impl<'a> Bench<'a> {
         self.keys.contains(&point.key) || (same_truths && !asked_for)
     }
 
+    fn chooser(&'a self, gpu: &'a Gpu, keep: Keep<'a>) -> Result<Chooser<'a>> {
+        Ok(Chooser {
+            gpu,
+            scene: &self.case.scene,
+            of: &self.scene,
+            scorer: &self.scorer,
+            settings: self.case.settings()?,
+            chart: self.options,
+            keep,
+        })
+    }
+
     fn target(&'a self, spec: &'a Spec, round: u32) -> Result<super::measure::Target<'a>> {
         let settings = spec.settings(&self.of_scene, &self.case.name)?;
         Ok(super::measure::Target {
@@ -349,11 +373,6 @@ fn regions_of(
         }
         None => Ok(regions::regions(options.size, &model.radiance, &view.camera_radiance, &view.real_coverage)),
     }
-}
-
-/// A setting of a scene file as `--set` takes it.
-fn text(value: &toml::Value) -> String {
-    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
 fn truth_pictures(case: &Case, scorer: &Scorer, folder: &Path) -> Result<BTreeMap<String, String>> {

@@ -213,6 +213,9 @@ impl Dot<'_> {
             p.rendered[0],
             p.rendered[1]
         );
+        if !p.flicker.is_empty() {
+            let _ = write!(tip, "\nflicker {}", p.flicker_text());
+        }
         for (name, value) in &p.settings {
             let _ = write!(tip, "\n{}{name} = {value}", if p.set.contains_key(name) { "▸ " } else { "" });
         }

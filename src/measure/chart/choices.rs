@@ -1,0 +1,312 @@
+//! What `--target-ms` and `--target-flip` would choose from a chart's points, and whether it then is what they said.
+
+use super::{
+    draw::short,
+    measure::{Clock, WARM_UP},
+    pareto::front,
+    point::{Chart, ChartChoice, ChartPoint, ChartScene, Cost},
+    run::{Case, ChartOptions},
+};
+use crate::{
+    Result,
+    gpu::Gpu,
+    measure::{
+        bench::quantile,
+        choice::{
+            Candidate, Expected, FRAMES, Sheet, TRADED, Target, choose, error, fixed_shares, quick,
+            store::{Store, given},
+        },
+        score::{Scorer, Scores},
+    },
+    options::RenderOptions,
+    reference::cache::Keep,
+    renderer::Renderer,
+    scene::Scene,
+    settings::{Method, Settings},
+};
+use std::{collections::BTreeMap, path::Path};
+
+/// Where targets lie between the best and the worst that can be had.
+const BETWEEN: [f64; 3] = [0.1, 0.4, 0.8];
+/// Frames that are timed at the larger size.
+const LARGER: u32 = 4;
+/// From fewer candidates there is little to choose.
+const LEAST: usize = 6;
+
+/// A scene of a chart, to choose for.
+pub(super) struct Chooser<'a> {
+    pub gpu: &'a Gpu,
+    pub scene: &'a Scene,
+    pub of: &'a ChartScene,
+    pub scorer: &'a Scorer,
+    /// The scene's own settings over the default method.
+    pub settings: Settings,
+    pub chart: &'a ChartOptions,
+    pub keep: Keep<'a>,
+}
+
+/// Work of a scene's choices, were all of them different, in frames of the chart's size.
+pub(super) fn work(chart: &ChartOptions) -> u64 {
+    2 * BETWEEN.len() as u64 * choice_work(chart)
+}
+
+fn choice_work(chart: &ChartOptions) -> u64 {
+    u64::from(frames(chart)) + 4 * u64::from(WARM_UP + LARGER)
+}
+
+/// Enough for the main picture and for times.
+fn frames(chart: &ChartOptions) -> u32 {
+    chart.main_frames().max(WARM_UP + LARGER)
+}
+
+impl Chooser<'_> {
+    /// Chooses from the points of a chart, and measures what was not measured before; `save` is called after each.
+    pub fn run(&self, chart: &mut Chart, save: &dyn Fn(&Chart) -> Result<()>, tick: &mut dyn FnMut(u64)) -> Result<()> {
+        let (sheet, points) = chart.sheet(self.of, &self.settings);
+        let keys: Vec<[String; 2]> = points.iter().map(|point| [point.key.clone(), point.name.clone()]).collect();
+        let expected = sheet.expected(None, sheet.size, false);
+        let larger_size = self.chart.size.map(|side| 2 * side);
+        let mut choices = Vec::new();
+        let mut left = work(self.chart);
+        for target in targets(&expected) {
+            let Some(choice) = choose(&expected, target) else { continue };
+            let [key, point] = keys[choice.index].clone();
+            let candidate = &sheet.candidates[choice.index];
+            let own = |choice: &&ChartChoice| choice.scene == self.of.name && choice.key == key;
+            let before = chart.choices.iter().find(own).map(|before| (before.measured, before.larger_ms[1]));
+            let (measured, larger_ms) = match before {
+                Some(before) => before,
+                None => self.measure(candidate, larger_size)?,
+            };
+            let choice = ChartChoice {
+                scene: self.of.name.clone(),
+                target,
+                key,
+                point,
+                predicted: choice.expected,
+                measured,
+                larger_size,
+                larger_ms: [sheet.predict(candidate, larger_size, false), larger_ms],
+            };
+            choices.push(choice.clone());
+            if before.is_none() {
+                // what earlier runs measured stays until all is done
+                chart.choices.push(choice);
+                save(chart)?;
+                tick(choice_work(self.chart));
+                left = left.saturating_sub(choice_work(self.chart));
+            }
+        }
+        chart.choices.retain(|choice| choice.scene != self.of.name);
+        chart.choices.extend(choices);
+        save(chart)?;
+        tick(left);
+        Ok(())
+    }
+
+    /// Error and time at the chart's size, of a seed that no point had, and the time at the larger.
+    fn measure(&self, candidate: &Candidate, larger_size: [u32; 2]) -> Result<(Expected, f64)> {
+        let method = Method::parse(&candidate.method, "the chart")?;
+        let set: Vec<_> = candidate.set.iter().map(|(name, value)| (name.as_str(), value.as_str())).collect();
+        let options = RenderOptions {
+            size: self.chart.size,
+            method,
+            settings: quick::settings(method, &self.settings, &set)?,
+            projection: self.chart.projection,
+            seed: self.chart.seed.wrapping_add(self.chart.rounds),
+            without_objects: false,
+        };
+        let mut measured = Expected { ms: f64::NAN, flip: f64::NAN };
+        let main = self.chart.main_frames();
+        measured.ms = self.still(&options, frames(self.chart), &mut |frame, renderer| {
+            if frame == main {
+                measured.flip = self.error(&self.scorer.score(&renderer.picture()?)?);
+            }
+            Ok(())
+        })?;
+        let larger = RenderOptions { size: larger_size, ..options };
+        Ok((measured, self.still(&larger, WARM_UP + LARGER, &mut |_, _| Ok(()))?))
+    }
+
+    fn still(
+        &self,
+        options: &RenderOptions,
+        frames: u32,
+        look: &mut dyn FnMut(u32, &Renderer) -> Result<()>,
+    ) -> Result<f64> {
+        let mut renderer = Renderer::new(self.gpu, self.scene, options.clone())?;
+        let mut clock = Clock::default();
+        for frame in 1..=frames {
+            self.keep.go_on(&self.of.name)?;
+            clock.frame(&mut renderer, self.scene, self.of.time)?;
+            look(frame, &renderer)?;
+        }
+        Ok(quantile(&mut clock.round(&renderer).frame_ms, 0.5))
+    }
+
+    fn error(&self, scores: &Scores) -> f64 {
+        self.of.best().of(scores).map_or(f64::NAN, error)
+    }
+}
+
+/// Errors and times between the extremes of the points that no other beats; times at equal ratios.
+fn targets(points: &[Expected]) -> Vec<Target> {
+    let best = front(&points.iter().map(|point| (point.ms, point.flip)).collect::<Vec<_>>());
+    let (Some(fast), Some(good)) = (best.first().map(|i| points[*i]), best.last().map(|i| points[*i])) else {
+        return Vec::new();
+    };
+    let flips = BETWEEN.map(|t| Target { flip: Some(good.flip + t * (fast.flip - good.flip)), ms: None });
+    let times = BETWEEN.map(|t| Target { ms: Some(fast.ms * (good.ms / fast.ms).powf(t)), flip: None });
+    let mut all: Vec<Target> = [flips, times].concat();
+    all.dedup();
+    all
+}
+
+impl Chart {
+    /// The points of a scene that a choice may take, as a sheet, in this order. `settings` hold those that the scene gives, which a
+    /// choice does not change.
+    pub fn sheet<'a>(&'a self, scene: &'a ChartScene, settings: &Settings) -> (Sheet, Vec<&'a ChartPoint>) {
+        let given: BTreeMap<&str, String> = given(settings).into_iter().collect();
+        let truth = scene.best();
+        let own = |point: &ChartPoint| -> BTreeMap<String, String> {
+            let set = point.set.iter().filter(|(name, _)| !given.contains_key(name.as_str()));
+            set.map(|(name, value)| (name.clone(), value.clone())).collect()
+        };
+        let eligible = |point: &&ChartPoint| {
+            point.cost == Cost::Frame
+                && point.rendered == self.of.size
+                && own(point).keys().all(|name| TRADED.contains(&name.as_str()))
+                && given.iter().all(|(name, value)| point.settings.get(*name) == Some(value))
+        };
+        let points: Vec<&ChartPoint> = self.of_scene(&scene.name).filter(eligible).collect();
+        let candidate = |point: &&ChartPoint| {
+            let flip = |scores: &Scores| truth.of(scores).map(error);
+            let mut flips: Vec<f64> = point.rounds.iter().filter_map(|round| flip(round.scores.as_ref()?)).collect();
+            let flip = if flips.is_empty() { f64::NAN } else { quantile(&mut flips, 0.5) };
+            Candidate::new(point.method.clone(), own(point), &point.rounds, flip)
+        };
+        let sheet = Sheet {
+            size: self.of.size,
+            truth: truth.name().to_owned(),
+            noise: truth.of(&scene.noise).map_or(f64::NAN, error),
+            fixed: self.fixed(scene),
+            complete: self.of.main_frames == FRAMES && points.len() >= LEAST,
+            candidates: points.iter().map(candidate).collect(),
+        };
+        (sheet, points)
+    }
+
+    /// From the default method at its smallest internal resolution and at the chart's.
+    fn fixed(&self, scene: &ChartScene) -> BTreeMap<String, f64> {
+        let smaller = self.of_scene(&scene.name).filter(|point| point.group == "scale");
+        let smaller = smaller.min_by_key(|point| point.rendered[0]);
+        let base = smaller.and_then(|point| self.point(&scene.name, &point.base));
+        let of = |point: &ChartPoint| -> BTreeMap<String, f64> {
+            point.passes().into_iter().map(|(name, ms)| (name.to_owned(), ms.median)).collect()
+        };
+        match base.zip(smaller) {
+            Some((base, smaller)) => fixed_shares((&of(base), base.rendered), (&of(smaller), smaller.rendered)),
+            None => BTreeMap::new(),
+        }
+    }
+
+    /// The choices of a scene.
+    pub fn choices_of<'a>(&'a self, scene: &'a str) -> impl Iterator<Item = &'a ChartChoice> {
+        self.choices.iter().filter(move |choice| choice.scene == scene)
+    }
+}
+
+/// Keeps what was measured of each scene for choosing settings later, if it is of the first frame and of enough points.
+///
+/// # Errors
+/// A panorama that cannot be read.
+pub fn keep_sheets(
+    gpu: &Gpu,
+    cases: &[Case],
+    options: &ChartOptions,
+    chart: &Chart,
+    folder: Option<&Path>,
+) -> Result<()> {
+    for case in cases.iter().filter(|_| options.frame == 0) {
+        let Some(scene) = chart.scenes.iter().find(|scene| scene.name == case.name) else { continue };
+        let settings = case.settings()?;
+        let (sheet, _) = chart.sheet(scene, &settings);
+        if sheet.complete {
+            let view = options.render_options(settings, Method::Iprt);
+            Store::of(gpu, &case.scene, &view, scene.exposure, folder)?.put(sheet);
+        }
+    }
+    Ok(())
+}
+
+/// What the table of choices is.
+pub(super) const INTRODUCTION: &str = "What a target (`--target-flip`, `--target-ms`) makes of the points, and what the chosen settings then were: errors and times measured \
+     anew, with other random numbers, and times at twice the width and height, predicted from this size. The error is FLIP over virtual or influenced pixels, \
+     whichever is larger.";
+
+/// The heads of its columns; the first two are text.
+pub(super) fn head(chart: &Chart, scene: &ChartScene) -> [String; 8] {
+    let at = |[width, height]: [u32; 2], what: &str| format!("{what}, {width}×{height}");
+    let own = chart.of.size;
+    let larger = chart.choices_of(&scene.name).next().map_or(own, |choice| choice.larger_size);
+    [
+        "target".to_owned(),
+        "chosen".to_owned(),
+        "FLIP, predicted".to_owned(),
+        "FLIP, measured".to_owned(),
+        at(own, "ms predicted"),
+        at(own, "ms measured"),
+        at(larger, "ms predicted"),
+        at(larger, "ms measured"),
+    ]
+}
+
+impl ChartChoice {
+    /// What is in these columns.
+    pub(super) fn cells(&self) -> [String; 8] {
+        let [predicted, measured] = [self.predicted, self.measured];
+        let [predicted_larger, measured_larger] = self.larger_ms.map(short);
+        [
+            self.target.text(),
+            self.point.clone(),
+            format!("{:.3}", predicted.flip),
+            format!("{:.3}", measured.flip),
+            short(predicted.ms),
+            short(measured.ms),
+            predicted_larger,
+            measured_larger,
+        ]
+    }
+}
+
+impl Target {
+    /// For people.
+    pub fn text(&self) -> String {
+        let ms = self.ms.map(|ms| format!("at most {} ms", short(ms)));
+        let flip = self.flip.map(|flip| format!("FLIP at most {flip:.3}"));
+        [ms, flip].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_lie_between_what_can_be_had() {
+        let of = |list: &[(f64, f64)]| -> Vec<Expected> {
+            list.iter().map(|(ms, flip)| Expected { ms: *ms, flip: *flip }).collect()
+        };
+        // the second is beaten, the last was not measured
+        let points = of(&[(10.0, 0.3), (2000.0, 0.9), (1000.0, 0.1), (40.0, f64::NAN)]);
+        let found = targets(&points);
+        assert_eq!(found.len(), 6);
+        let flips: Vec<f64> = found.iter().filter_map(|target| target.flip).collect();
+        let times: Vec<f64> = found.iter().filter_map(|target| target.ms).collect();
+        assert!((flips[0] - 0.12).abs() < 1e-12 && (flips[2] - 0.26).abs() < 1e-12, "{flips:?}");
+        assert!((times[1] - 10.0 * 100f64.powf(0.4)).abs() < 1e-9, "{times:?}");
+        assert!(found.iter().all(|target| choose(&points, *target).is_some_and(|c| c.reached.ms && c.reached.flip)));
+        assert_eq!(targets(&points[..1]).len(), 2, "one point: one time, one error");
+        assert_eq!(targets(&[]), []);
+    }
+}
