@@ -7,6 +7,7 @@ use super::{
     point::{Chart, ChartPoint, ChartScene, Cost, Truth},
     run::file_name,
     scatter::{self, Panel},
+    sentences::NOTE,
 };
 use crate::{
     Result,
@@ -82,6 +83,8 @@ impl Chart {
         let findings = self.findings(scene);
         if findings.is_empty() {
             out.push_str("<p>No setting was changed.</p>");
+        } else {
+            let _ = write!(out, "<p>{NOTE}</p>");
         }
         out.push_str("<ul class=\"findings\">");
         for finding in findings {

@@ -7,6 +7,7 @@ use super::{
     pictures::{Codes, strip},
     point::{Chart, ChartPoint, ChartScene, Cost, Outcome, Truth},
     run::file_name,
+    sentences::NOTE,
 };
 use crate::{
     Error, Result,
@@ -45,7 +46,7 @@ impl Chart {
             write_png(&images.join(&file), size, &codes, 3)?;
             let _ = write!(text, "\n![Speed against accuracy]({IMAGES}/{file})\n");
             for scene in &self.scenes {
-                let _ = write!(text, "\n#### What each setting buys and costs: {}\n\n", scene.name);
+                let _ = write!(text, "\n#### What each setting buys and costs: {}\n\n{NOTE}\n\n", scene.name);
                 for finding in self.findings(scene) {
                     let _ = writeln!(text, "* `{}`: {}", finding.setting, finding.sentences.join(" "));
                 }

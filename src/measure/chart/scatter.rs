@@ -79,12 +79,7 @@ impl<'a> Panel<'a> {
         let errors = dots.iter().flat_map(|d| [d.error.low, d.error.high]).chain(noise).chain(floor);
         let up = Axis::around(errors, [bottom, MARGIN[1]]);
         let mut out = format!("<g transform=\"translate({x:.1} {y:.1})\">");
-        let _ = write!(
-            out,
-            "<text x=\"{}\" y=\"15\" font-size=\"13\" font-weight=\"bold\">{}</text>",
-            MARGIN[0],
-            escape(title)
-        );
+        let _ = write!(out, "<text x=\"8\" y=\"15\" font-size=\"13\" font-weight=\"bold\">{}</text>", escape(title));
         frame(&mut out, &across, &up, right, bottom);
         if let Some(noise) = noise {
             let top = up.place(noise);

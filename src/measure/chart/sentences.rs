@@ -10,6 +10,10 @@ use std::fmt::Write;
 /// A change of FLIP below this is none: it is what two drivers may differ by.
 const LEAST_FLIP: f64 = 0.002;
 
+/// What readers of the sentences must know.
+pub const NOTE: &str = "Errors of a still picture come with the range of their seeds; those while objects move are of one sequence a setting, \
+    and how much they would differ with another seed is not known.";
+
 /// A setting and what was found about its values.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
