@@ -6,7 +6,7 @@ use crate::{
     image_file::write::write_bytes,
     measure::{
         self,
-        chart::{Case, ChartOptions, Sweep, markdown},
+        chart::{Case, ChartOptions, Sweep, markdown, run::file_name},
     },
     reference::{cache::Keep, capture::cache_folder},
     scene::rooms,
@@ -81,8 +81,12 @@ pub fn run(args: &Args) -> Result<()> {
             Ok(Case { name: label(name), scene, complete: truth.transpose()? })
         })
         .collect::<Result<Vec<_>>>()?;
-    if let Some(twice) = cases.iter().enumerate().find(|(i, case)| cases[..*i].iter().any(|c| c.name == case.name)) {
-        let problem = format!("two scenes are called \"{}\"", twice.1.name);
+    if let Some(twice) = cases
+        .iter()
+        .enumerate()
+        .find(|(i, case)| cases[..*i].iter().any(|c| file_name(&c.name) == file_name(&case.name)))
+    {
+        let problem = format!("two scenes are called \"{}\", or files of both would be", twice.1.name);
         return Err(Error::input("SCENE", problem, "rename a file or its folder"));
     }
     let mut progress = Progress::new(args.quiet, options.work(&cases));

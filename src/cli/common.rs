@@ -178,9 +178,9 @@ pub fn parse_size(text: &str) -> Result<[u32; 2]> {
         let (width, height) = text.split_once(['x', 'X', '×'])?;
         Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
     };
-    parse().ok_or_else(|| {
-        Error::input("--size", format!("\"{text}\" is not WIDTHxHEIGHT"), "write for example --size 1280x720")
-    })
+    parse()
+        .filter(|size: &[u32; 2]| !size.contains(&0))
+        .ok_or_else(|| Error::input("--size", format!("\"{text}\" is no size"), "write for example --size 1280x720"))
 }
 
 /// `key=value` of `--set`.

@@ -59,11 +59,19 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let suite = Suite::new(&gpu, args.quick).with(&set)?;
     let bar = progress(args.quiet, (chosen.len() * methods.len()) as u64, "cases");
-    let mut rows = Vec::new();
+    report::make_folder(&args.output)?;
+    let (mut rows, mut failed) = (Vec::new(), 0);
     for case in chosen {
         let mut results = Vec::new();
         for &method in &methods {
-            results.push((method, suite.run(&case, method, None)?));
+            match suite.run(&case, method, None) {
+                Ok(outcome) => results.push((method, outcome)),
+                // the other cases are tried all the same
+                Err(error) => {
+                    eprintln!("{}, {}: {error}", case.name, method.name());
+                    failed += 1;
+                }
+            }
             bar.inc(1);
         }
         let row = Row { case, results };
@@ -79,5 +87,9 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         super::print(&args.output.join("stability.html").display().to_string())?;
     }
-    args.device.close(gpu)
+    args.device.close(gpu)?;
+    match failed {
+        0 => Ok(()),
+        n => Err(Error::input("stability", format!("{n} could not be measured"), "see the lines above")),
+    }
 }

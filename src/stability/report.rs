@@ -97,14 +97,22 @@ fn png(outcome: &Outcome) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Makes the folder of a report, where it does not exist.
+///
+/// # Errors
+/// It cannot be made.
+pub fn make_folder(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|error| {
+        Error::input(folder.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
+    })
+}
+
 /// Writes `stability.json`, `stability.html` and `CASE_METHOD.png` into a folder, which is made where it does not exist.
 ///
 /// # Errors
 /// The folder cannot be written.
 pub fn write(folder: &Path, rows: &[Row], setup: &Setup) -> Result<()> {
-    fs::create_dir_all(folder).map_err(|error| {
-        Error::input(folder.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
-    })?;
+    make_folder(folder)?;
     let mut body = String::new();
     for row in rows {
         let case = &row.case;

@@ -53,7 +53,7 @@ pub(super) fn measure(gpu: &Gpu, target: &Target, key: &str, keep: Keep) -> Resu
     let looked_at = spec.frames.map_or_else(|| chart.frames.clone(), |frames| vec![frames]);
     let mut clock = Clock::default();
     let mut outcomes = Vec::new();
-    let last = looked_at.last().copied().unwrap_or(0);
+    let last = chart.first_frames(spec);
     let mut steady = Vec::new();
     for frame in 1..=last {
         keep.go_on(&target.folder.display().to_string())?;

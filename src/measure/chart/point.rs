@@ -67,6 +67,12 @@ pub struct Conditions {
     pub seed: u32,
     /// The number of frames after which pictures are compared where one is enough; all rounds score it.
     pub main_frames: u32,
+    /// Frames after which pictures are looked at.
+    pub looks: Vec<u32>,
+    /// Frames of the moving scene.
+    pub moving: u32,
+    /// Paths a pixel that were asked of model truth, samples of scene truth.
+    pub truth_spp: [u32; 2],
 }
 
 /// A scene, its truths, and what no method is needed for.
@@ -113,7 +119,7 @@ pub enum Cost {
 /// A number over repetitions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
-    /// Of all.
+    /// Of the repetitions' medians.
     pub median: f64,
     /// Least of the repetitions' medians; of a single repetition the lower quartile.
     pub low: f64,
@@ -276,19 +282,18 @@ impl ChartPoint {
 }
 
 impl Spread {
-    /// Over repetitions of several values each; those without a value do not count.
+    /// Over repetitions of several values each, of which each counts alike by its median; those without a value do not count.
     pub fn of(rounds: &[Vec<f64>]) -> Option<Self> {
-        let mut all = rounds.concat();
-        if all.is_empty() {
-            return None;
-        }
         let quantiles = |q| rounds.iter().filter(|r| !r.is_empty()).map(move |r| quantile(&mut r.clone(), q)).collect();
         let mut medians: Vec<f64> = quantiles(0.5);
+        if medians.is_empty() {
+            return None;
+        }
+        let median = quantile(&mut medians.clone(), 0.5);
         if let [_] = medians[..] {
             medians = [quantiles(0.25), quantiles(0.75)].concat();
         }
         let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max].map(|f| medians.iter().copied().reduce(f));
-        let median = quantile(&mut all, 0.5);
         Some(Self { median, low: low.unwrap_or(median).min(median), high: high.unwrap_or(median).max(median) })
     }
 
@@ -348,7 +353,10 @@ mod tests {
     #[test]
     fn spread_is_of_the_rounds_medians() {
         let spread = Spread::of(&[vec![1.0, 2.0, 30.0], vec![], vec![4.0, 4.0, 5.0]]).expect("values");
-        assert_eq!(spread, Spread { median: 4.0, low: 2.0, high: 4.0 });
+        assert_eq!(spread, Spread { median: 3.0, low: 2.0, high: 4.0 });
+        // a long round counts no more than a short one
+        let long = Spread::of(&[vec![1.0; 50], vec![2.0; 3], vec![9.0; 3]]).expect("values");
+        assert_eq!(long, Spread { median: 2.0, low: 1.0, high: 9.0 });
         assert_eq!(Spread::of(&[vec![], vec![]]), None);
         let once = Spread::of(&[vec![1.0, 2.0, 3.0, 4.0, 5.0]]).expect("values");
         assert_eq!(once, Spread { median: 3.0, low: 2.0, high: 4.0 });

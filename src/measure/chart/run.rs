@@ -101,8 +101,12 @@ impl ChartOptions {
     }
 
     fn round_work(&self, spec: &Spec, round: u32) -> u64 {
-        let still = spec.frames.or(self.frames.last().copied()).unwrap_or(0);
-        u64::from(if round == 0 { still + self.moving_frames } else { self.again_frames(spec) })
+        u64::from(if round == 0 { self.first_frames(spec) + self.moving_frames } else { self.again_frames(spec) })
+    }
+
+    /// Still frames of the first round: as many as are looked at, and enough for times.
+    pub fn first_frames(&self, spec: &Spec) -> u32 {
+        spec.frames.or(self.frames.last().copied()).unwrap_or(0).max(WARM_UP + TIMED)
     }
 
     /// Of [`ChartOptions::frames`] the largest up to 16, or else the least.
@@ -204,11 +208,12 @@ fn open(gpu: &Gpu, options: &ChartOptions, folder: &Path) -> Result<Chart> {
         projection: format!("{:?}", options.projection).to_lowercase(),
         seed: options.seed,
         main_frames: options.main_frames(),
+        looks: options.frames.clone(),
+        moving: options.moving_frames,
+        truth_spp: [options.model_spp, options.scene_spp],
     };
     let Some(chart) = Chart::load(folder)? else {
-        let chart = Chart { of, scenes: Vec::new(), points: Vec::new(), choices: Vec::new() };
-        chart.save(folder)?;
-        return Ok(chart);
+        return Ok(Chart { of, scenes: Vec::new(), points: Vec::new(), choices: Vec::new() });
     };
     if chart.of == of {
         return Ok(chart);
@@ -222,8 +227,8 @@ impl Conditions {
     pub fn text(&self) -> String {
         let [width, height] = self.size;
         format!(
-            "{} ({}), {width}×{height} {}, seed {}, {} frames, version {}",
-            self.device, self.driver, self.projection, self.seed, self.main_frames, self.version
+            "{} ({}), {width}×{height} {}, seed {}, looks {:?}, moving {}, truth-spp {:?}, version {}",
+            self.device, self.driver, self.projection, self.seed, self.looks, self.moving, self.truth_spp, self.version
         )
     }
 }

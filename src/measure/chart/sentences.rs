@@ -46,12 +46,13 @@ impl Chart {
             if let Some((a, b)) = flip(base).zip(flip(point)) {
                 tell(a, b, &format!("{region} pixels"), &mut better, &mut worse);
             }
+            // of one sequence; see NOTE
             let moving = |p: &ChartPoint| {
                 let flip = truth.of(&p.moving()?.scores)?.region(region)?.flip;
                 Some(Spread { median: flip, low: flip, high: flip })
             };
             if let Some((a, b)) = moving(base).zip(moving(point)) {
-                tell(a, b, &format!("{region} pixels while objects move"), &mut better, &mut worse);
+                tell(a, b, &format!("{region} pixels while objects move, once"), &mut better, &mut worse);
             }
         }
         let value = match point.group.as_str() {
@@ -107,7 +108,8 @@ fn verdict(before: Spread, after: Spread, better: &[String], worse: &[String]) -
             out = "makes no difference that was measured".to_owned();
             Ok(())
         }
-        (true, false) => write!(out, " and costs nothing"),
+        (true, false) if apart => write!(out, " and costs nothing that was measured"),
+        (true, false) => write!(out, "; no cost was measured"),
         (false, _) => write!(out, " and costs {}", costs.join(" and ")),
     };
     if !apart {

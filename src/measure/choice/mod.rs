@@ -120,7 +120,7 @@ pub fn error(score: &Score) -> f64 {
     of.reduce(f64::max).unwrap_or(score.whole.flip)
 }
 
-/// Chooses among points; those with a number that is not finite do not count.
+/// Chooses among points; those with a number that is not finite, or without a time, do not count.
 ///
 /// * An error alone: the cheapest point that has at most that error. None has: the most accurate.
 /// * A time alone: the most accurate point that takes at most that time. None does: the fastest.
@@ -128,7 +128,7 @@ pub fn error(score: &Score) -> f64 {
 ///
 /// Among points that are as accurate (within [`SAME_FLIP`]) the cheaper is taken, among those that cost the same the more accurate.
 pub fn choose(points: &[Expected], target: Target) -> Option<Choice> {
-    let finite = |i: &usize| points[*i].ms.is_finite() && points[*i].flip.is_finite();
+    let finite = |i: &usize| points[*i].ms.is_finite() && points[*i].ms > 0.0 && points[*i].flip.is_finite();
     let all: Vec<usize> = (0..points.len()).filter(finite).collect();
     let cheapest = |among: &[usize]| among.iter().copied().min_by(|a, b| cheaper(&points[*a], &points[*b]));
     let most_accurate = |among: &[usize]| {
@@ -167,7 +167,8 @@ impl Candidate {
         let names: Vec<&String> = rounds.iter().flat_map(|round| round.passes.keys()).collect();
         let of = |name: &String| median(rounds.iter().filter_map(|round| round.passes.get(name).copied()).collect());
         let passes: BTreeMap<String, f64> = names.into_iter().map(|name| (name.clone(), of(name))).collect();
-        let frame = median(rounds.iter().flat_map(|round| round.frame_ms.clone()).collect());
+        let timed = rounds.iter().filter(|round| !round.frame_ms.is_empty());
+        let frame = median(timed.map(|round| median(round.frame_ms.clone())).collect());
         Self {
             method,
             set,

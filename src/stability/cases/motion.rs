@@ -140,7 +140,7 @@ fn left(run: &Run, film: &Film, fresh: &Film, before: usize, things: bool) -> Re
                 (made, whole) = (made + step * (shown(&test) - shown(start)), whole + step * step);
             }
         }
-        (1.0 - made / whole).abs()
+        if whole > 0.0 { (1.0 - made / whole).abs() } else { metric::NOT_FINITE }
     } else {
         metric::NOT_FINITE
     };
