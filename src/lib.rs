@@ -28,6 +28,8 @@
 //! * [`measure`]: pass times, errors by region against both truths, the [`measure::chart`] of speed against accuracy, and the
 //!   [`measure::choice`] of settings for a target from such points.
 //! * [`stability`]: where such methods fail: cases, each with its truth.
+//! * [`output`]: a renderer's picture as a file.
+//! * [`viewer`]: the window.
 //! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
 //!
 //! # The frame
@@ -85,6 +87,7 @@ pub mod gpu;
 pub mod image_file;
 pub mod measure;
 pub mod options;
+pub mod output;
 pub mod panorama;
 pub mod passes;
 pub mod plan;
@@ -93,6 +96,7 @@ pub mod renderer;
 pub mod scene;
 pub mod settings;
 pub mod stability;
+pub mod viewer;
 pub use error::{Error, Result};
 /// SPIR-V of every pass, compiled by `build.rs`.
 pub mod shaders {

@@ -2,10 +2,13 @@
 
 mod aov;
 pub mod cost;
+mod interactive;
+
+pub use interactive::Source;
 
 use crate::{
     Error, Result,
-    gpu::{Format, Frame, Gpu, Image, Timings},
+    gpu::{Format, Frame, Gpu, Image, Pieces, Timings},
     options::RenderOptions,
     panorama::depth::Quantisation,
     passes::{
@@ -23,6 +26,7 @@ use crate::{
         sampling_mask::SamplingMask,
         scene::SceneBuffers,
         temporal::{self, Temporal},
+        unknown::Unknown,
         view::{Role, View, ViewData},
     },
     plan::{Part, Plan},
@@ -34,7 +38,10 @@ use crate::{
     settings::{ClampWhen, FOREVER, FilterOrder, Settings},
 };
 use glam::{Quat, Vec3};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::{
+    collections::HashMap,
+    sync::atomic::{AtomicU32, Ordering},
+};
 
 /// The six passes, as far as the plan has them, with what they keep from frame to frame.
 pub struct Renderer {
@@ -57,8 +64,16 @@ pub struct Renderer {
     quantisation: Quantisation,
     video_frame: Option<usize>,
     previous_time: Option<f64>,
+    /// Where each instance was in the previous frame, by id: objects move by hand too.
+    previous_objects: HashMap<u32, [[f32; 4]; 3]>,
     frame: u32,
     fault: Fault,
+    /// Submits frames in pieces, for others to have their turn in between.
+    pub pieces: Option<Pieces>,
+    /// Leaves the relit panorama as it is, once it has been made.
+    pub hold_relight: bool,
+    spare: Vec<View>,
+    unknown: Option<Unknown>,
     #[doc(hidden)]
     pub skip_barrier: Option<usize>,
     #[doc(hidden)]
@@ -91,6 +106,8 @@ struct FrameState {
     video_frame: usize,
     new_video_frame: bool,
     moving: bool,
+    /// Whether the relit panorama is to be made anew.
+    relight: bool,
     viewpoint: Viewpoint,
 }
 
@@ -153,14 +170,19 @@ impl Renderer {
         let none = PackedScene::default();
         let packed = if plan.on(Part::Objects) { &scene.packed } else { &none };
         let (color_size, depth_size) = (plan.facts.color_size, plan.facts.depth_size);
+        // drivers take most of a second for the largest pipelines, each on one core
+        let (lighting, gbuffer) = rayon::join(
+            || plan.on(Part::Objects).then(|| Lighting::new(gpu, &plan)).transpose(),
+            || -> Result<_> {
+                let looked_up = plan.looks_up().then(|| look(false)).transpose()?;
+                Ok([looked_up, plan.on(Part::OffCentre).then(|| look(true)).transpose()?])
+            },
+        );
         Ok(Self {
             gpu: gpu.clone(),
             preparation: Some(Preparation::new(gpu, &plan)?),
-            gbuffer: [
-                plan.looks_up().then(|| look(false)).transpose()?,
-                plan.on(Part::OffCentre).then(|| look(true)).transpose()?,
-            ],
-            lighting: plan.on(Part::Objects).then(|| Lighting::new(gpu, &plan)).transpose()?,
+            gbuffer: gbuffer?,
+            lighting: lighting?,
             composite: Composite::new(gpu, &plan)?,
             panorama: Panorama::new(gpu, color_size, depth_size, scene.panorama.yaw_degrees, Needs::of(&plan))?,
             scene: SceneBuffers::new(gpu, packed, plan.facts.instances)?,
@@ -170,10 +192,15 @@ impl Renderer {
             quantisation: Quantisation::None,
             video_frame: None,
             previous_time: None,
+            previous_objects: HashMap::new(),
             frame: 0,
             plan,
             options,
             fault: Fault::None,
+            pieces: None,
+            hold_relight: false,
+            spare: Vec::new(),
+            unknown: None,
             skip_barrier: None,
             repeat: None,
             barriers: 0,
@@ -189,13 +216,16 @@ impl Renderer {
         }
         self.upload_views(&state)?;
         let mut frame = self.gpu.frame()?;
+        frame.in_pieces(self.pieces.clone());
         frame.skip_barrier(self.skip_barrier);
         frame.repeat(self.repeat);
 
         if state.new_video_frame {
             self.prepare_panorama(&mut frame)?;
         }
-        self.relight_panorama(&mut frame, &state)?;
+        if state.relight {
+            self.relight_panorama(&mut frame, &state)?;
+        }
         self.look(&mut frame, &self.picture, &state)?;
         let lighting = self.lighting.as_ref();
         let light = |lighting| self.light(&mut frame, lighting, &self.picture, self.relight.last(), &state);
@@ -339,6 +369,7 @@ impl Renderer {
             self.frame = n;
             self.upload_views(state)?;
             let mut frame = self.gpu.frame()?;
+            frame.in_pieces(self.pieces.clone());
             if n == 0 {
                 self.prepare_panorama(&mut frame)?;
             }
@@ -372,23 +403,30 @@ impl Renderer {
         if self.options.without_objects || !self.plan.on(Part::Objects) {
             state.instances = PackedInstances::default();
         }
+        for instance in &mut state.instances.instances {
+            if let Some(before) = self.previous_objects.insert(instance.id, instance.object_to_world) {
+                instance.previous_object_to_world = before;
+            }
+        }
         let objects_move = state.instances.instances.iter().any(|i| i.object_to_world != i.previous_object_to_world);
         let changes = objects_move || (new_video_frame && self.video_frame.is_some());
         let moving = changes && self.plan.on(Part::Motion);
         let viewpoint = viewpoint(&self.options, scene, &state.camera);
         self.scene.update(&self.gpu, state.instances, scene.panorama.position)?;
-        for view in std::iter::once(&mut self.picture).chain(&mut self.relight) {
+        let relight = !self.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
+        let maps = if relight { &mut self.relight[..] } else { &mut [] };
+        for view in std::iter::once(&mut self.picture).chain(maps) {
             view.resources.swap_history();
             if let Some(reason) = view.history_reset {
                 tracing::debug!("history is reset: {reason}");
             }
         }
-        Ok(FrameState { video_frame, new_video_frame, moving, viewpoint })
+        Ok(FrameState { video_frame, new_video_frame, moving, relight, viewpoint })
     }
 
     fn end_frame(&mut self, state: &FrameState, time: f64) {
         end_view(&mut self.picture, state.viewpoint);
-        for view in &mut self.relight {
+        for view in self.relight.iter_mut().filter(|_| state.relight) {
             end_view(view, relight_viewpoint(self.panorama.yaw_degrees));
         }
         // only now: a frame that failed leaves the panorama unprepared

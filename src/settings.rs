@@ -87,6 +87,11 @@ impl Method {
         })
     }
 
+    /// What it is.
+    pub fn meaning(self) -> &'static str {
+        Self::CHOICES[self as usize].1
+    }
+
     /// The name that [`Method::parse`] takes.
     pub fn name(self) -> String {
         self.text()
@@ -95,6 +100,8 @@ impl Method {
 
 /// What a setting may hold.
 trait Value: Sized {
+    /// Whether it is a whole number.
+    const WHOLE: bool = false;
     /// Names and meanings of all that it may be, where these can be counted.
     const CHOICES: &'static [(&'static str, &'static str)] = &[];
     /// From text, if it is in the range.
@@ -118,6 +125,7 @@ impl Value for bool {
 }
 
 impl Value for u32 {
+    const WHOLE: bool = true;
     fn parse(text: &str, range: [f64; 2]) -> Option<Self> {
         let number = if text == "inf" { FOREVER } else { text.parse().ok()? };
         (range[0]..=range[1]).contains(&f64::from(number)).then_some(number)
@@ -147,6 +155,8 @@ pub struct Description {
     pub name: &'static str,
     /// Smallest and largest value of a number.
     pub range: [f64; 2],
+    /// Whether it is a whole number.
+    pub whole: bool,
     /// Names and meanings of what is not a number.
     pub choices: &'static [(&'static str, &'static str)],
     /// Unit, or empty.
@@ -168,7 +178,7 @@ macro_rules! settings {
         impl Settings {
             /// The table that documents and parses them, in the order of the passes.
             pub const TABLE: &'static [Description] = &[ $( $( Description {
-                pass: stringify!($pass), name: stringify!($name), range: $range, choices: <$kind as Value>::CHOICES, unit: $unit, meaning: $meaning,
+                pass: stringify!($pass), name: stringify!($name), range: $range, whole: <$kind as Value>::WHOLE, choices: <$kind as Value>::CHOICES, unit: $unit, meaning: $meaning,
             }, )* )* ];
 
             /// The preset of a method.
@@ -232,6 +242,7 @@ settings! {
     }
     gbuffer {
         coverage_samples: u32 = [16, 16, 16, 64], [1.0, 1024.0], "rays a pixel", "sub-pixel rays at silhouettes, which give the fraction M";
+        fill_unseen: bool = [false, false, false, false], ANY, "", "a camera off the capture point shows, where the capture saw nothing, what lies behind the edge, carried on; off: the edge's nearer side, and through gaps the panorama as a backdrop (the window has it on)";
     }
     sampling_mask {
         sampling_mask: bool = [true, true, true, false], ANY, "", "trace a share of the pixels each frame; off: every pixel";

@@ -231,7 +231,7 @@ fn the_top_level_is_balanced_enough_for_the_stack() {
 fn the_check_finds_broken_trees() {
     let scene = assemble(vec![object(Shape::Sphere.mesh(Vec3::ONE), Transform::IDENTITY)]);
     let broken = |change: &dyn Fn(&mut PackedScene)| {
-        let mut packed = scene.packed.clone();
+        let mut packed = PackedScene::clone(&scene.packed);
         change(&mut packed);
         bvh::check(&packed).expect_err("broken").to_string()
     };

@@ -15,7 +15,35 @@ layout(set = 0, binding = 35, rgba16f) uniform writeonly image2D out_emission;
 // Instance, triangle, barycentric coordinates (float bits) of the virtual surface.
 layout(set = 0, binding = 36, rgba32ui) uniform writeonly uimage2D out_hit;
 
+layout(constant_id = 9) const uint FILL_UNSEEN = 0; // 1: where the capture saw nothing, what lies behind an edge is carried on
+
 struct RealPoint { float t; vec2 uv; ivec2 texel; };
+
+// What a primary ray shows where the capture saw nothing. A skirt: its farther side, that is, of the texel that it hangs from and its
+// neighbours the farthest. A ray that leaves behind an edge: what it passed before it went there.
+void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
+    ivec2 size = ivec2(in_view.view.depth_size);
+    if (kind == SKIRT) {
+        ivec2 nearest = r.texel;
+        float farthest = 0.0;
+        for (int k = 0; k < 9; k++) {
+            ivec2 texel = wrap_texel(nearest + ivec2(k % 3, k / 3) - 1, size);
+            float depth = imageLoad(in_depth, texel + ivec2(0, 1)).x; // the first row is the pole's
+            if (depth > farthest) { farthest = depth; r.texel = texel; }
+        }
+        r.uv = (vec2(r.texel) + 0.5) / vec2(size);
+        return;
+    }
+    vec3 origin = in_view.view.position;
+    vec2 passed = panorama_uv(origin);
+    for (int k = 1; k <= 96; k++) { // 5 cm to 100 m, each step 8 % of the way
+        vec3 point = origin + d * (0.05 * exp(0.08 * float(k)));
+        vec2 uv = panorama_uv(point);
+        float depth = imageLoad(in_depth, wrap_texel(ivec2(floor(uv * vec2(size))), size) + ivec2(0, 1)).x;
+        if (depth > 0.0 && length(point) > depth * (1.0 + in_view.view.edge_ratio)) { r.uv = passed; return; }
+        passed = uv;
+    }
+}
 
 // The real surface along a primary ray: t is FAR where there is none.
 RealPoint real_surface(vec3 d) {
@@ -33,6 +61,7 @@ RealPoint real_surface(vec3 d) {
         r.uv = hit.uv;
         ivec2 size = ivec2(in_view.view.depth_size);
         r.texel = wrap_texel(ivec2(floor(hit.uv * vec2(size))), size);
+        if (FILL_UNSEEN != 0u && hit.kind != SURFACE) fill_unseen(d, hit.kind, r);
     }
     return r;
 }

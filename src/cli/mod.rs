@@ -16,6 +16,7 @@ pub mod render;
 pub mod scene;
 pub mod stability;
 pub mod target;
+pub mod view;
 
 use std::io::{self, Write};
 
@@ -60,6 +61,8 @@ pub enum Command {
     Check(check::Args),
     /// Try where such methods fail: a number, a limit and a picture for each case and method
     Stability(stability::Args),
+    /// A window to see a scene, move in it and compare in it
+    View(view::Args),
     /// Built-in rooms as files
     #[command(subcommand)]
     Scene(scene::Command),
@@ -79,6 +82,7 @@ impl Command {
             Self::Masks(args) => masks::run(&args),
             Self::Check(args) => check::run(&args),
             Self::Stability(args) => stability::run(&args),
+            Self::View(args) => view::run(args),
             Self::Scene(command) => scene::run(&command),
         }
     }

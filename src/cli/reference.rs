@@ -2,7 +2,7 @@
 
 use super::{
     common::{PictureArgs, interrupted, parse_frames, progress},
-    render::{Kind, check_aovs, require_folder, write},
+    render::{check_aovs, require_folder},
 };
 use crate::{
     Error, Result,
@@ -10,6 +10,7 @@ use crate::{
         ExrLayer,
         write::{write_display, write_exr},
     },
+    output::{Kind, write},
     reference::truth::{self, End, Goal, NOISE_EVERY},
     renderer::Renderer,
     settings::Method,

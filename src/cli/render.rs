@@ -6,17 +6,13 @@ use super::{
 };
 use crate::{
     Error, Result,
-    image_file::{
-        ExrLayer,
-        write::{write_display, write_exr},
-    },
     measure::bench,
+    output::{Kind, write},
     plan::Plan,
     renderer::Renderer,
     scene::Scene,
     settings::Method,
 };
-use glam::Vec3;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt render`.
@@ -122,56 +118,6 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::Report> {
     bench::run(renderer, scene, first, frames, 1, || {})
-}
-
-/// What an output's name asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// 8-bit sRGB.
-    Png,
-    /// Linear float.
-    Exr,
-}
-
-impl Kind {
-    /// From the extension.
-    pub fn of(path: &Path) -> Result<Self> {
-        match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
-            Some("png") => Ok(Self::Png),
-            Some("exr") => Ok(Self::Exr),
-            _ => Err(Error::input(path.display(), "is neither .png nor .exr", "give one of these extensions")),
-        }
-    }
-}
-
-/// Writes the renderer's last picture.
-pub fn write(
-    renderer: &Renderer,
-    scene: &Scene,
-    path: &Path,
-    kind: Kind,
-    exposure: f32,
-    aovs: &[String],
-) -> Result<()> {
-    let size = renderer.options().size;
-    let mut picture = renderer.picture()?;
-    if kind == Kind::Png {
-        // saturated texels that were raised on loading come down again
-        for texel in &mut picture {
-            let color = scene.panorama.for_display(Vec3::new(texel[0], texel[1], texel[2]));
-            texel[..3].copy_from_slice(&color.to_array());
-        }
-        return write_display(path, size, &picture, exposure);
-    }
-    let mut layers = vec![ExrLayer::rgb("", size, &picture)];
-    let names = if aovs == ["all"] { renderer.aov_names() } else { aovs.to_vec() };
-    for name in names.iter().filter(|name| *name != "radiance") {
-        let texels = renderer.aov(name)?;
-        let channel = |i: usize| texels.iter().map(|t| t[i]).collect::<Vec<f32>>();
-        let channels = ["R", "G", "B", "A"].iter().enumerate().map(|(i, c)| ((*c).to_owned(), channel(i))).collect();
-        layers.push(ExrLayer { name: name.clone(), size, channels });
-    }
-    write_exr(path, &layers)
 }
 
 /// Unknown names are told before hours of rendering, not after.

@@ -3,6 +3,7 @@
 use std::ffi::CStr;
 
 use ash::vk;
+use raw_window_handle::RawDisplayHandle;
 use serde::Serialize;
 
 use super::validation;
@@ -34,6 +35,7 @@ pub(super) struct Candidate {
     pub queue_family: u32,
     pub timestamp_bits: u32,
     pub extended_formats: bool,
+    pub draws: bool,
 }
 
 /// Every physical device, usable or not.
@@ -136,6 +138,7 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
             queue_family: family.unwrap_or(0) as u32,
             timestamp_bits: family.map_or(0, |i| families[i].timestamp_valid_bits),
             extended_formats,
+            draws: family.is_some_and(|i| families[i].queue_flags.contains(vk::QueueFlags::GRAPHICS)),
             adapter: Adapter {
                 index,
                 name: text(&plain.device_name),
@@ -204,18 +207,22 @@ pub fn choose(adapters: &[Adapter], wanted: Option<&str>) -> Result<usize> {
     }
 }
 
-/// Creates the instance, with the validation layer where asked for.
+/// Creates the instance, with the validation layer where asked for, and with what a window on `display` takes.
 pub(super) fn instance(
     entry: &ash::Entry,
     validation: bool,
     log: &validation::Log,
+    display: Option<RawDisplayHandle>,
 ) -> Result<(ash::Instance, bool /* debug utils */)> {
     // SAFETY: plain queries; what the create info points at outlives the call.
     unsafe {
         let layer = if validation { Some(validation::find_layer(entry)?) } else { None };
         let offered = entry.enumerate_instance_extension_properties(None).map_err(no_instance)?;
         let labels = offered.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
-        let mut extensions = Vec::new();
+        let mut extensions = match display {
+            Some(display) => ash_window::enumerate_required_extensions(display).map_err(no_instance)?.to_vec(),
+            None => Vec::new(),
+        };
         if labels || validation {
             extensions.push(ash::ext::debug_utils::NAME.as_ptr());
         }

@@ -11,6 +11,7 @@ use std::{
 
 use ash::vk::{self, Handle};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, vulkan as memory};
+use raw_window_handle::RawDisplayHandle;
 
 use super::{
     adapter,
@@ -54,12 +55,13 @@ pub(super) struct Shared {
     pub passes: Mutex<HashMap<PassKey, Weak<PassData>>>,
     queue: Mutex<vk::Queue>,
     pub queue_family: u32,
+    pub physical: vk::PhysicalDevice,
     name: String,
     driver: String,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    instance: ash::Instance,
+    pub instance: ash::Instance,
     log: Arc<Log>,
-    _entry: ash::Entry,
+    pub entry: ash::Entry,
 }
 
 /// Turns a failed call into an [`Error::Vulkan`] that says during what.
@@ -78,11 +80,23 @@ impl Gpu {
     /// [`Error::NoDevice`] where there is no loader, driver, or usable device, or validation was asked for and its
     /// layer is missing.
     pub fn new(options: &GpuOptions) -> Result<Self> {
+        Self::open(options, None)
+    }
+
+    /// Opens a device that can show its pictures in windows on `display`.
+    ///
+    /// # Errors
+    /// As [`Gpu::new`]; [`Error::NoDevice`] too where the device cannot draw or present.
+    pub fn for_windows(options: &GpuOptions, display: RawDisplayHandle) -> Result<Self> {
+        Self::open(options, Some(display))
+    }
+
+    fn open(options: &GpuOptions, display: Option<RawDisplayHandle>) -> Result<Self> {
         let entry = adapter::load()?;
         let log = Arc::new(Log::default());
-        let (instance, labels) = adapter::instance(&entry, options.validation, &log)?;
+        let (instance, labels) = adapter::instance(&entry, options.validation, &log, display)?;
         // From here on the instance is destroyed on every path.
-        match open(&entry, &instance, labels, options, &log) {
+        match open(&entry, &instance, labels, options, &log, display.is_some()) {
             Ok(parts) => Ok(Self(Arc::new(parts.share(entry, instance, log)), Making::default())),
             Err(error) => {
                 // SAFETY: `open` leaves nothing behind that was made from the instance.
@@ -158,10 +172,23 @@ struct Parts {
     samplers: [vk::Sampler; 2],
 }
 
-fn open(entry: &ash::Entry, instance: &ash::Instance, labels: bool, options: &GpuOptions, log: &Log) -> Result<Parts> {
+fn open(
+    entry: &ash::Entry,
+    instance: &ash::Instance,
+    labels: bool,
+    options: &GpuOptions,
+    log: &Log,
+    windows: bool,
+) -> Result<Parts> {
     let mut candidates = adapter::candidates(instance)?;
     let adapters: Vec<_> = candidates.iter().map(|c| c.adapter.clone()).collect();
     let chosen = candidates.swap_remove(adapter::choose(&adapters, options.device.as_deref())?);
+    if windows && !chosen.draws {
+        return Err(Error::NoDevice {
+            problem: format!("{}: it cannot draw, and a window needs that", chosen.adapter.name),
+            remedy: "choose another device (see `iprt devices`)".into(),
+        });
+    }
     // SAFETY: the chosen device has the features and the queue family asked for; on failure what was made is
     // destroyed in reverse order.
     unsafe {
@@ -173,7 +200,10 @@ fn open(entry: &ash::Entry, instance: &ash::Instance, labels: bool, options: &Gp
             vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(chosen.extended_formats);
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default().scalar_block_layout(true).host_query_reset(true);
         let mut v13 = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
+        v13 = v13.dynamic_rendering(windows); // every Vulkan 1.3 device has it
+        let extensions = [ash::khr::swapchain::NAME.as_ptr()];
         let info = vk::DeviceCreateInfo::default()
+            .enabled_extension_names(&extensions[..usize::from(windows)])
             .queue_create_infos(&queues)
             .enabled_features(&features)
             .push_next(&mut v12)
@@ -285,12 +315,13 @@ impl Parts {
             passes: Mutex::new(HashMap::new()),
             queue: Mutex::new(queue),
             queue_family: self.chosen.queue_family,
+            physical: handle,
             name: self.chosen.adapter.name,
             driver: self.chosen.adapter.driver,
             messenger: self.messenger,
             instance,
             log,
-            _entry: entry,
+            entry,
         };
         shared.label(shared.samplers[0], "linear sampler");
         shared.label(shared.samplers[1], "nearest sampler");
@@ -344,9 +375,14 @@ impl Shared {
     pub(super) fn submit(&self, commands: vk::CommandBuffer, fence: vk::Fence) -> std::result::Result<(), vk::Result> {
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
-        let queue = lock(&self.queue);
+        let queue = self.queue();
         // SAFETY: the command buffer is complete and the fence unsignalled; the lock serialises the queue.
         unsafe { self.device.queue_submit2(*queue, &submits, fence) }
+    }
+
+    /// The queue, which one thread at a time may use.
+    pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        lock(&self.queue)
     }
 }
 

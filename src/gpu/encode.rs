@@ -1,6 +1,6 @@
 //! Vulkan command buffers: the one place that calls `vkCmd*` around dispatches, transfers and barriers.
 
-use std::ffi::CString;
+use std::{ffi::CString, time::Instant};
 
 use ash::vk;
 
@@ -51,10 +51,37 @@ pub(super) fn whole_image() -> vk::ImageSubresourceRange {
 /// The command buffer is recording and the image alive.
 pub(super) unsafe fn to_general(device: &ash::Device, commands: vk::CommandBuffer, image: vk::Image) {
     let change = [vk::ImageMemoryBarrier2::default()
+        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS) // its memory may have been another image's
         .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
         .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
         .old_layout(vk::ImageLayout::UNDEFINED)
         .new_layout(vk::ImageLayout::GENERAL)
+        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .image(image)
+        .subresource_range(whole_image())];
+    // SAFETY: the caller's promise.
+    unsafe { device.cmd_pipeline_barrier2(commands, &vk::DependencyInfo::default().image_memory_barriers(&change)) };
+}
+
+/// Changes an image's layout: what came before in the first stage is done, and seen by what follows in the second.
+///
+/// # Safety
+/// The command buffer is recording, the image alive and in the first layout, or of no more use as it was.
+pub(super) unsafe fn image_change(
+    device: &ash::Device,
+    commands: vk::CommandBuffer,
+    image: vk::Image,
+    [old, new]: [vk::ImageLayout; 2],
+    [before, after]: [vk::PipelineStageFlags2; 2],
+) {
+    let change = [vk::ImageMemoryBarrier2::default()
+        .src_stage_mask(before)
+        .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
+        .dst_stage_mask(after)
+        .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
+        .old_layout(old)
+        .new_layout(new)
         .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         .image(image)
@@ -79,17 +106,50 @@ pub(super) fn immediate(shared: &Shared, what: &str, record: impl FnOnce(vk::Com
 
 /// Records, submits and waits for a frame.
 pub(super) fn run(gpu: &Gpu, commands: Vec<Command>) -> Result<Timings> {
-    let shared = &gpu.0;
-    let names: Vec<&str> = commands
-        .iter()
-        .filter_map(|command| match command {
-            Command::Run { name, .. } => Some(name.as_str()),
-            Command::Barrier(_) => None,
-        })
-        .collect();
+    let names = names_of(&commands);
     if names.is_empty() {
         return Ok(Timings::default());
     }
+    let stamps = run_piece(&gpu.0, commands, &names)?;
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    Ok(gpu.0.clock.timings(&names, &stamps))
+}
+
+/// The same for the pieces of a frame, one after the other; asks before each whether to stop. Times are from submission to fence: others use
+/// the queue in between, and a driver that draws on the CPU takes the timestamps of both when it has drawn.
+pub(super) fn run_pieces(gpu: &Gpu, pieces: Vec<Vec<Command>>, stopped: &dyn Fn() -> bool) -> Result<Timings> {
+    let start = Instant::now();
+    let elapsed = || start.elapsed().as_secs_f64() * 1e3;
+    let mut timings = Timings::default();
+    for commands in pieces {
+        if stopped() {
+            return Err(Error::Interrupted {
+                subject: "the frame".into(),
+                at: "by something newer to show".into(),
+                remedy: "render it again".into(),
+            });
+        }
+        let (names, begun) = (names_of(&commands), elapsed());
+        run_piece(&gpu.0, commands, &names)?;
+        timings.gpu_ms = elapsed();
+        for name in names {
+            timings.entries.push((name, timings.gpu_ms - begun));
+            timings.starts_ms.push(begun);
+        }
+    }
+    Ok(timings)
+}
+
+fn names_of(commands: &[Command]) -> Vec<String> {
+    let runs = commands.iter().filter_map(|command| match command {
+        Command::Run { name, .. } => Some(name.clone()),
+        Command::Barrier(_) => None,
+    });
+    runs.collect()
+}
+
+/// One submission, waited for; its timestamps.
+fn run_piece(shared: &Shared, commands: Vec<Command>, names: &[String]) -> Result<Vec<u64>> {
     let mut slot = shared.take_slot()?;
     if let Err(error) = record(shared, &mut slot, &commands, 2 * names.len() as u32) {
         shared.return_slot(slot);
@@ -100,8 +160,7 @@ pub(super) fn run(gpu: &Gpu, commands: Vec<Command>) -> Result<Timings> {
     match (finished, stamps) {
         (Ok(()), Ok(stamps)) if stamps.iter().all(|stamp| stamp[1] != 0) => {
             shared.return_slot(slot);
-            let stamps: Vec<u64> = stamps.iter().map(|stamp| stamp[0]).collect();
-            Ok(shared.clock.timings(&names, &stamps))
+            Ok(stamps.iter().map(|stamp| stamp[0]).collect())
         }
         (Ok(()), stamps) => {
             shared.return_slot(slot);
@@ -110,6 +169,7 @@ pub(super) fn run(gpu: &Gpu, commands: Vec<Command>) -> Result<Timings> {
         }
         (Err(result), stamps) => {
             let written: Vec<bool> = stamps.unwrap_or_default().iter().map(|stamp| stamp[1] != 0).collect();
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
             let place = timing::where_it_stopped(&names, &written);
             // The device may still be using all this: it is never freed.
             std::mem::forget(commands);
@@ -223,7 +283,10 @@ fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
                     device.cmd_push_constants(commands, pass.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
                 }
                 match groups {
-                    Groups::Count([x, y, z]) => device.cmd_dispatch(commands, *x, *y, *z),
+                    Groups::Part { first: [0, 0, 0], count: [x, y, z] } => device.cmd_dispatch(commands, *x, *y, *z),
+                    Groups::Part { first: [a, b, c], count: [x, y, z] } => {
+                        device.cmd_dispatch_base(commands, *a, *b, *c, *x, *y, *z);
+                    }
                     Groups::Indirect(buffer, offset) => {
                         device.cmd_dispatch_indirect(commands, buffer.handle(), *offset);
                     }

@@ -1,5 +1,10 @@
 //! Records dispatches, transfers and barriers, checks them, and submits them as one piece of work.
 
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
+
 use super::{
     device::Gpu,
     encode,
@@ -51,8 +56,36 @@ pub enum Threads<'a> {
 
 #[derive(Clone)]
 pub(super) enum Groups {
-    Count([u32; 3]),
+    /// So many, from the first on.
+    Part {
+        first: [u32; 3],
+        count: [u32; 3],
+    },
     Indirect(Buffer, u64),
+}
+
+/// Workgroups of one piece of a frame that is submitted in pieces.
+const PIECE: u32 = 512;
+
+/// Lets others use the queue between the dispatches of a frame, and stops it half way.
+#[derive(Clone, Debug, Default)]
+pub struct Pieces(Arc<AtomicBool>);
+
+impl Pieces {
+    /// What is being submitted in these pieces ends early with [`Error::Interrupted`], until [`Pieces::go_on`].
+    pub fn stop(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Takes [`Pieces::stop`] back.
+    pub fn go_on(&self) {
+        self.0.store(false, Ordering::Relaxed);
+    }
+
+    /// Whether it is stopped.
+    pub fn stopped(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
 }
 
 #[derive(Clone)]
@@ -124,6 +157,7 @@ pub struct Frame {
     skipped_barrier: Option<usize>,
     ignore_hazards: bool,
     repeated: Option<(&'static str, u32)>,
+    pieces: Option<Pieces>,
 }
 
 impl Gpu {
@@ -139,6 +173,7 @@ impl Gpu {
             skipped_barrier: None,
             ignore_hazards: false,
             repeated: None,
+            pieces: None,
         })
     }
 }
@@ -186,7 +221,7 @@ impl Frame {
                         "use a smaller size or another device",
                     ));
                 }
-                Groups::Count(count)
+                Groups::Part { first: [0; 3], count }
             }
             Threads::Indirect(buffer, offset) => {
                 if offset % 4 != 0 || offset.checked_add(12).is_none_or(|end| end > buffer.bytes()) {
@@ -240,6 +275,11 @@ impl Frame {
         self.commands.iter().filter(|c| matches!(c, Command::Barrier(_))).count()
     }
 
+    /// Submits it piece by piece, each waited for, so that other submissions get their turn in between.
+    pub fn in_pieces(&mut self, pieces: Option<Pieces>) {
+        self.pieces = pieces;
+    }
+
     /// For tests: leaves the n-th barrier (from 0) out.
     #[doc(hidden)]
     pub fn skip_barrier(&mut self, n: Option<usize>) {
@@ -262,7 +302,7 @@ impl Frame {
     ///
     /// # Errors
     /// [`Error::Internal`] where a barrier is missing, with nothing submitted; [`Error::Vulkan`] that names the last
-    /// pass that ran where the device is lost or does not finish.
+    /// pass that ran where the device is lost or does not finish; [`Error::Interrupted`] where [`Pieces::stop`] was called.
     pub fn submit(self) -> Result<Timings> {
         let mut barriers = 0;
         let skipped = self.skipped_barrier;
@@ -278,7 +318,10 @@ impl Frame {
         if !self.ignore_hazards {
             find_hazards(&commands)?;
         }
-        encode::run(&self.gpu, commands)
+        match self.pieces {
+            Some(pieces) => encode::run_pieces(&self.gpu, cut(commands), &|| pieces.stopped()),
+            None => encode::run(&self.gpu, commands),
+        }
     }
 
     fn run(&mut self, action: Action) {
@@ -291,6 +334,30 @@ impl Frame {
         }
         self.commands.push(Command::Run { name, action });
     }
+}
+
+/// Every dispatch and transfer apart, and large dispatches cut. The beginning of a submission is a barrier too.
+fn cut(commands: Vec<Command>) -> Vec<Vec<Command>> {
+    let mut pieces = Vec::new();
+    for command in commands {
+        let Command::Run { name, action } = command else { continue };
+        let Action::Dispatch { pass, binds, push, groups: Groups::Part { first, count } } = action else {
+            pieces.push(vec![Command::Run { name, action }]);
+            continue;
+        };
+        let rows = (PIECE / count[0].max(1)).max(1);
+        for z in 0..count[2] {
+            for y in (0..count[1]).step_by(rows as usize) {
+                let groups = Groups::Part {
+                    first: [first[0], first[1] + y, first[2] + z],
+                    count: [count[0], rows.min(count[1] - y), 1],
+                };
+                let action = Action::Dispatch { pass: pass.clone(), binds: binds.clone(), push: push.clone(), groups };
+                pieces.push(vec![Command::Run { name: name.clone(), action }]);
+            }
+        }
+    }
+    pieces
 }
 
 fn find_hazards(commands: &[Command]) -> Result<()> {

@@ -22,6 +22,8 @@ pub enum Format {
     R32f,
     /// Two 32-bit floats.
     Rg32f,
+    /// Four 8-bit codes that stand for 0 to 1.
+    Rgba8,
     /// Four 16-bit floats.
     Rgba16f,
     /// Four 32-bit floats.
@@ -33,13 +35,13 @@ pub enum Format {
 }
 
 impl Format {
-    pub(super) const ALL: [Self; 6] =
-        [Self::R32f, Self::Rg32f, Self::Rgba16f, Self::Rgba32f, Self::R32u, Self::Rgba32u];
+    pub(super) const ALL: [Self; 7] =
+        [Self::R32f, Self::Rg32f, Self::Rgba8, Self::Rgba16f, Self::Rgba32f, Self::R32u, Self::Rgba32u];
 
     /// Bytes of one texel.
     pub const fn bytes(self) -> u64 {
         match self {
-            Self::R32f | Self::R32u => 4,
+            Self::R32f | Self::R32u | Self::Rgba8 => 4,
             Self::Rg32f | Self::Rgba16f => 8,
             Self::Rgba32f | Self::Rgba32u => 16,
         }
@@ -49,6 +51,7 @@ impl Format {
         match self {
             Self::R32f => vk::Format::R32_SFLOAT,
             Self::Rg32f => vk::Format::R32G32_SFLOAT,
+            Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
             Self::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
             Self::R32u => vk::Format::R32_UINT,
@@ -159,6 +162,16 @@ impl Image {
     /// Its format.
     pub fn format(&self) -> Format {
         self.0.format
+    }
+
+    /// Whether both are the same image.
+    pub fn same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
+    /// Whether anyone else holds it.
+    pub fn is_shared(&self) -> bool {
+        Arc::strong_count(&self.0) > 1
     }
 
     pub(super) fn handle(&self) -> vk::Image {

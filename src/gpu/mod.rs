@@ -4,6 +4,7 @@
 //! * [`Buffer`], [`Image`]: memory on the device; images stay in the `GENERAL` layout.
 //! * [`Pass`]: one compute shader; its [`PassDeclaration`] is checked against the SPIR-V when it is made.
 //! * [`Frame`]: records dispatches, transfers and explicit barriers, finds missing barriers, submits, and measures.
+//! * [`Screen`]: a window that shows finished pictures, with panels over them.
 
 pub mod adapter;
 mod device;
@@ -12,16 +13,22 @@ mod frame;
 pub mod hazard;
 pub mod layout;
 mod memory;
+mod overlay;
 mod pass;
 mod reflect;
+mod screen;
 mod slot;
+mod swapchain;
 mod timing;
 mod transfer;
 pub mod validation;
 
 pub use device::{Gpu, GpuOptions};
-pub use frame::{Bind, Frame, Threads};
+pub use frame::{Bind, Frame, Pieces, Threads};
 pub use layout::{GpuStruct, PushLayout, StructLayout, struct_layout};
 pub use memory::{Buffer, Format, Image};
+pub use overlay::Paint;
 pub use pass::{Access, Pass, PassDeclaration};
+pub use screen::{Blit, Screen, Shown};
+pub use swapchain::{PresentMode, WindowHandles};
 pub use timing::Timings;

@@ -3,6 +3,7 @@
 use std::{
     fmt,
     sync::{Arc, Mutex, Weak},
+    time::Instant,
 };
 
 use ash::vk;
@@ -155,7 +156,9 @@ impl Gpu {
             layout: vk::PipelineLayout::null(),
             pipeline: vk::Pipeline::null(),
         };
+        let start = Instant::now();
         data.build(declaration.spirv, specialization)?;
+        tracing::debug!("{name}: a pipeline was made, {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
         let pass = Arc::new(data);
         let mut passes = lock(&self.0.passes);
         passes.retain(|_, pass| pass.strong_count() > 0);
@@ -211,7 +214,10 @@ impl PassData {
                 .module(module)
                 .name(c"main")
                 .specialization_info(&constants);
-            let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+            let info = vk::ComputePipelineCreateInfo::default()
+                .flags(vk::PipelineCreateFlags::DISPATCH_BASE) // large dispatches are cut where others wait for the queue
+                .stage(stage)
+                .layout(self.layout);
             let made = device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
             device.destroy_shader_module(module, None);
             let made = made.map_err(|(_, result)| during(format!("vkCreateComputePipelines for {name}"))(result))?;

@@ -321,6 +321,7 @@ impl<'a> Shader<'a> {
                     ImageFormat::Rg32f => Format::Rg32f,
                     ImageFormat::Rgba16f => Format::Rgba16f,
                     ImageFormat::Rgba32f => Format::Rgba32f,
+                    ImageFormat::Rgba8 => Format::Rgba8,
                     ImageFormat::R32ui => Format::R32u,
                     ImageFormat::Rgba32ui => Format::Rgba32u,
                     other => return Err(format!("image {name} has the format {other:?}, which nothing here uses")),

@@ -193,6 +193,7 @@ fn decode(format: Format, bytes: &[u8]) -> Vec<[f32; 4]> {
         Format::R32f => pack(1, words().map(f32::from_le_bytes).collect()),
         Format::Rg32f => pack(2, words().map(f32::from_le_bytes).collect()),
         Format::Rgba32f => pack(4, words().map(f32::from_le_bytes).collect()),
+        Format::Rgba8 => pack(4, bytes.iter().map(|&code| f32::from(code) / 255.0).collect()),
         Format::Rgba16f => {
             pack(4, bytes.chunks_exact(2).map(|b| half::f16::from_le_bytes([b[0], b[1]]).to_f32()).collect())
         }
@@ -214,6 +215,7 @@ mod tests {
         assert_eq!(decode(Format::Rg32f, &f(&[1.5, 2.0])), [[1.5, 2.0, 0.0, 0.0]]);
         assert_eq!(decode(Format::Rgba32f, &f(&[1.0, 2.0, 3.0, 4.0])), [[1.0, 2.0, 3.0, 4.0]]);
         assert_eq!(decode(Format::Rgba16f, &h), [[1.0, -2.0, 0.5, 4.0]]);
+        assert_eq!(decode(Format::Rgba8, &[255, 0, 51, 255]), [[1.0, 0.0, 0.2, 1.0]]);
         assert_eq!(decode(Format::R32u, &u(&[7])), [[7.0, 0.0, 0.0, 0.0]]);
         assert_eq!(decode(Format::Rgba32u, &u(&[1, 2, 3, 4])), [[1.0, 2.0, 3.0, 4.0]]);
     }

@@ -10,7 +10,10 @@ use crate::{
     image_file::{CodeImage, ColorImage, Image, Raster, Samples, read},
 };
 use glam::Vec3;
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 /// One frame, equirectangular, row 0 towards +Y.
 #[derive(Clone, Debug, Default)]
@@ -96,7 +99,7 @@ pub struct PanoramaSource {
 
 #[derive(Clone, Debug)]
 enum Frames {
-    Memory(Vec<PanoramaFrame>),
+    Memory(Arc<Vec<PanoramaFrame>>),
     Files { spec: Box<PanoramaSpec>, color: Pattern, depth: Option<Pattern>, numbers: Vec<u32> },
 }
 
@@ -112,15 +115,20 @@ impl PanoramaSource {
             let problem = "no frames, or arrays that do not fit their sizes";
             return Err(Error::input("panorama", problem, "give width × height texels"));
         }
-        Ok(Self { frames: Frames::Memory(frames), fps, position, yaw_degrees, inverse_tonemap: 1.0 })
+        Ok(Self { frames: Frames::Memory(Arc::new(frames)), fps, position, yaw_degrees, inverse_tonemap: 1.0 })
+    }
+
+    /// The factor on radiance that was applied on loading.
+    pub fn exposure(&self) -> f32 {
+        match &self.frames {
+            Frames::Files { spec, .. } if spec.exposure > 0.0 => spec.exposure,
+            _ => 1.0,
+        }
     }
 
     /// Radiance as an LDR output shows it: what `inverse_tonemap` raised on loading comes down again.
     pub fn for_display(&self, radiance: Vec3) -> Vec3 {
-        let exposure = match &self.frames {
-            Frames::Files { spec, .. } if spec.exposure > 0.0 => spec.exposure,
-            _ => 1.0,
-        };
+        let exposure = self.exposure();
         if self.inverse_tonemap <= 1.0 {
             return radiance;
         }

@@ -108,7 +108,8 @@ impl Gbuffer {
             plan.constant(Part::Objects),
         ];
         let minified = (3, u32::from(plan.color_levels() > 1));
-        let centre = [&material[..], &[minified, (id, in_view), (SHOWN, u32::from(shown))]].concat();
+        let fill = (9, u32::from(plan.settings.fill_unseen)); // coverage asks where a surface is, not what it looks like
+        let centre = [&material[..], &[fill, minified, (id, in_view), (SHOWN, u32::from(shown))]].concat();
         let coverage = || Kernel::new::<()>(gpu, "gbuffer", shaders::COVERAGE, COVERAGE, SCENE_STRUCTS, &material);
         Ok(Self {
             centre: Kernel::new::<()>(gpu, "gbuffer", shaders::GBUFFER, CENTRE, SCENE_STRUCTS, &centre)?,

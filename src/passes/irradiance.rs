@@ -72,9 +72,13 @@ impl Irradiance {
             ];
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, BINDINGS, SCENE_STRUCTS, &constants)
         };
+        let (real, other) = rayon::join(
+            || kernel(0, settings.virtual_tracer),
+            || plan.on(Part::VirtualSurfaces).then(|| kernel(1, settings.virtual_tracer)).transpose(),
+        );
         Ok(Self {
-            real: kernel(0, settings.virtual_tracer)?,
-            other: plan.on(Part::VirtualSurfaces).then(|| kernel(1, settings.virtual_tracer)).transpose()?,
+            real: real?,
+            other: other?,
             relight: (plan.on(Part::Relight) && settings.virtual_tracer != VirtualTracer::Bvh)
                 .then(|| kernel(0, VirtualTracer::Bvh))
                 .transpose()?,

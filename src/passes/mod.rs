@@ -2,12 +2,14 @@
 //!
 //! Per new video frame: [`radiance_pyramid`], [`normals`], [`depth_pyramid`], [`light_table`]. Per frame: [`gbuffer`], [`sampling_mask`],
 //! [`irradiance`], [`interpolate`], [`temporal`], [`atrous`], [`composite`]. Each runs on a [`view::View`]: the picture, or the relit
-//! panorama's map, which is a picture too. Outside of frames: [`trace_rays`].
+//! panorama's map, which is a picture too. Outside of frames: [`trace_rays`], and
+//! for the window [`display`] and [`unknown`].
 
 pub mod atrous;
 pub mod brdf;
 pub mod composite;
 pub mod depth_pyramid;
+pub mod display;
 #[doc(hidden)]
 pub mod fault;
 pub mod gbuffer;
@@ -22,4 +24,5 @@ pub mod sampling_mask;
 pub mod scene;
 pub mod temporal;
 pub mod trace_rays;
+pub mod unknown;
 pub mod view;

@@ -49,7 +49,8 @@ impl PyramidShape {
 const NODE_TEXELS: u32 = 3;
 const PYRAMID_ROW: u32 = 4096;
 
-/// Device resources of a panorama of fixed sizes.
+/// Device resources of a panorama of fixed sizes. A clone has the same images.
+#[derive(Clone)]
 pub struct Panorama {
     /// Width and height of the radiance, texels.
     pub color_size: [u32; 2],

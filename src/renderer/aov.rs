@@ -84,7 +84,7 @@ impl Renderer {
     }
 
     /// The image behind a name, and its layer.
-    fn source(&self, name: &str) -> Result<(&Image, u32)> {
+    pub(super) fn source(&self, name: &str) -> Result<(&Image, u32)> {
         let resources = &self.picture.resources;
         let left_out = |part: Part| {
             let problem = format!("\"{name}\" is left out: {}", self.plan.reason(part));

@@ -2,7 +2,7 @@
 
 use super::{
     Object,
-    animation::{Interpolate, Track},
+    animation::{Interpolate, Placement, Track},
     camera::{Aim, CameraTrack},
     gltf::export::to_glb,
     model::Model,
@@ -179,15 +179,19 @@ fn with_keys(mut table: Table, mut keys: Vec<(f64, Table)>) -> Table {
     table
 }
 
-fn object_table(object: &Object, file: &str) -> Table {
-    let mut table = Table::new();
-    table.insert("name".into(), object.name.clone().into());
-    table.insert("gltf".into(), file.into());
-    let mut keys = Vec::new();
-    let placement = &object.placement;
+/// How a scene file says where an object stands.
+pub fn placement_table(placement: &Placement) -> Table {
+    let (mut table, mut keys) = (Table::new(), Vec::new());
     track(&mut table, &mut keys, "translation", &placement.translation, vector);
     track(&mut table, &mut keys, "rotation", &placement.rotation, quaternion);
     track(&mut table, &mut keys, "scale", &placement.scale, vector);
+    with_keys(table, keys)
+}
+
+fn object_table(object: &Object, file: &str) -> Table {
+    let mut table = placement_table(&object.placement);
+    table.insert("name".into(), object.name.clone().into());
+    table.insert("gltf".into(), file.into());
     match object.clip.and_then(|clip| object.model.rig.clips.get(clip)) {
         Some(clip) => {
             table.insert("clip".into(), clip.name.clone().into());
@@ -198,10 +202,11 @@ fn object_table(object: &Object, file: &str) -> Table {
         }
         None => {}
     }
-    with_keys(table, keys)
+    table
 }
 
-fn camera_table(camera: &CameraTrack) -> Table {
+/// How a scene file describes a camera.
+pub fn camera_table(camera: &CameraTrack) -> Table {
     let mut table = Table::new();
     let mut keys = Vec::new();
     track(&mut table, &mut keys, "position", &camera.position, vector);

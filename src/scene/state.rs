@@ -6,10 +6,9 @@ use super::{
     bvh,
     camera::{Camera, CameraTrack},
     file::RenderSettings,
-    model::{Model, Rig},
+    model::Model,
     pack::{PackedMesh, pack},
     packed::{Instance, PackedInstances, PackedScene},
-    punctual::PunctualLight,
 };
 use crate::{Result, panorama::source::PanoramaSource};
 use glam::Affine3A;
@@ -34,27 +33,22 @@ pub struct Scene {
     pub name: String,
     pub panorama: PanoramaSource,
     pub camera: CameraTrack,
-    /// Triangles, materials and textures of all objects.
-    pub packed: PackedScene,
+    /// Triangles, materials and textures of all objects; shared by clones.
+    pub packed: Arc<PackedScene>,
     pub render: RenderSettings,
     /// The glTF file of the true real scene, where known.
     pub room: Option<PathBuf>,
     /// What is understood but not done, or was mended; one line each.
     pub warnings: Vec<String>,
-    placed: Vec<Placed>,
+    pub(super) placed: Vec<Placed>,
 }
 
 /// An object, its triangles packed.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
-    name: String,
-    rig: Rig,
-    placement: Placement,
-    clip: Option<usize>,
-    speed: f64,
+    pub object: Object,
     /// Node, its mesh, and the instance's id.
-    instances: Vec<(usize, PackedMesh, u32)>,
-    lights: Vec<PunctualLight>,
+    pub instances: Vec<(usize, PackedMesh, u32)>,
 }
 
 /// A scene at one time.
@@ -77,6 +71,7 @@ impl Scene {
         render: RenderSettings,
     ) -> Result<Self> {
         let (packed, placed, warnings) = place(&objects)?;
+        let packed = Arc::new(packed);
         Ok(Self { name: name.to_owned(), panorama, camera, packed, render, room: None, warnings, placed })
     }
 
@@ -104,15 +99,15 @@ impl Scene {
     /// The name of the first object that ever moves.
     pub fn moving_object(&self) -> Option<&str> {
         let moves = |placed: &&Placed| {
-            !placed.instances.is_empty() && (placed.clip.is_some() || !placed.placement.is_constant())
+            !placed.instances.is_empty() && (placed.object.clip.is_some() || !placed.object.placement.is_constant())
         };
-        self.placed.iter().find(moves).map(|placed| placed.name.as_str())
+        self.placed.iter().find(moves).map(|placed| placed.object.name.as_str())
     }
 
     /// The name of the object that instance `id` belongs to.
     pub fn object_name(&self, id: u32) -> Option<&str> {
         let has = |placed: &&Placed| placed.instances.iter().any(|(_, _, instance)| *instance == id);
-        self.placed.iter().find(has).map(|placed| placed.name.as_str())
+        self.placed.iter().find(has).map(|placed| placed.object.name.as_str())
     }
 
     /// The world box of all instances of object `index` at `time_seconds`, metres.
@@ -147,15 +142,8 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
                 next_id += 1;
             }
         }
-        placed.push(Placed {
-            name: object.name.clone(),
-            rig: object.model.rig.clone(),
-            placement: object.placement.clone(),
-            clip: object.clip.filter(|clip| *clip < object.model.rig.clips.len()),
-            speed: object.speed,
-            instances,
-            lights: object.model.lights.clone(),
-        });
+        let clip = object.clip.filter(|clip| *clip < object.model.rig.clips.len());
+        placed.push(Placed { object: Object { clip, ..object.clone() }, instances });
     }
     let mut warnings = packed.warnings;
     for placed in &placed {
@@ -163,9 +151,9 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
         let flat = placed.instances.iter().filter(|(node, ..)| !is_invertible(&matrices[*node])).count();
         if flat > 0 {
             let problem = "have a matrix without inverse at the start and are not drawn";
-            warnings.push(format!("{}: {flat} of its instances {problem}", placed.name));
+            warnings.push(format!("{}: {flat} of its instances {problem}", placed.object.name));
         } else if placed.instances.is_empty() {
-            warnings.push(format!("{}: holds no triangles", placed.name));
+            warnings.push(format!("{}: holds no triangles", placed.object.name));
         }
     }
     Ok((packed.scene, placed, warnings))
@@ -179,7 +167,7 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
     let mut lights = Vec::new();
     for placed in objects {
         let now = placed.matrices(time_seconds);
-        lights.extend(placed.lights.iter().map(|light| light.pack(&now[light.node])));
+        lights.extend(placed.object.model.lights.iter().map(|light| light.pack(&now[light.node])));
         let before = if previous_time == time_seconds { now.clone() } else { placed.matrices(previous_time) };
         for &(node, mesh, id) in &placed.instances {
             let to_world = now[node];
@@ -205,9 +193,10 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
 
 impl Placed {
     /// Node to world.
-    fn matrices(&self, time: f64) -> Vec<Affine3A> {
-        let world = self.placement.at(time).matrix();
-        let nodes = self.rig.node_matrices(self.clip.map(|clip| (clip, time * self.speed)));
+    pub(super) fn matrices(&self, time: f64) -> Vec<Affine3A> {
+        let object = &self.object;
+        let world = object.placement.at(time).matrix();
+        let nodes = object.model.rig.node_matrices(object.clip.map(|clip| (clip, time * object.speed)));
         nodes.into_iter().map(|node| world * node).collect()
     }
 

@@ -1,0 +1,109 @@
+//! `iprt view`: the window.
+
+use super::common::{DeviceArgs, open_scene, parse_size};
+use crate::{
+    Error, Result,
+    gpu::GpuOptions,
+    image_file::write::write_bytes,
+    scene::rooms,
+    settings::Method,
+    viewer::{
+        self, Open, Opened,
+        edit::Origin,
+        script::{LINES, Script},
+        state::Side,
+    },
+};
+use std::path::PathBuf;
+
+/// Arguments of `iprt view`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "Keys: F1 in the window.", after_long_help = LINES)]
+pub struct Args {
+    /// A scene file, or a built-in room; the built-in `apartment` by default
+    pub scene: Option<String>,
+    /// Size of the window
+    #[arg(long, value_name = "WxH", default_value = "1280x720")]
+    pub size: String,
+    /// iprt, paper, ibl or reference; the scene's by default
+    #[arg(long)]
+    pub method: Option<String>,
+    /// A setting of the method, as key=value; may be repeated (see docs/methods.md)
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// While something moves, the picture is made smaller until a frame takes no longer, milliseconds
+    #[arg(long, value_name = "MS", default_value_t = 66.0)]
+    pub target_ms: f64,
+    /// Plays key, pointer and resize events from a file, then closes the window and prints a report as JSON
+    #[arg(long, value_name = "FILE")]
+    pub script: Option<PathBuf>,
+    /// Where the report goes instead of standard output
+    #[arg(long, value_name = "FILE", requires = "script")]
+    pub report: Option<PathBuf>,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// Say less
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Opens the window and returns when it is closed.
+pub fn run(args: Args) -> Result<()> {
+    let size = parse_size(&args.size)?;
+    if size.iter().any(|side| !(1..=16384).contains(side)) {
+        let problem = format!("{}×{} pixels", size[0], size[1]);
+        return Err(Error::input("--size", problem, "both must be from 1 to 16384"));
+    }
+    if !(args.target_ms.is_finite() && args.target_ms > 0.0) {
+        return Err(Error::input("--target-ms", args.target_ms, "give a positive number of milliseconds"));
+    }
+    let script = args.script.as_deref().map(Script::read).transpose()?;
+    let scripted = script.is_some();
+    if let Some(path) = &args.report {
+        super::render::require_folder(path)?;
+    }
+    let gpu = GpuOptions { device: args.device.device.clone(), validation: args.device.validation };
+    let options = viewer::Options { gpu, size, target_ms: args.target_ms, script };
+    let (validation, report) = (args.device.validation, args.report.clone());
+    let open: Open = Box::new(move |gpu| open(&args, gpu));
+    let result = viewer::run(options, open)?;
+    if scripted {
+        let json = serde_json::to_string_pretty(&result).map_err(|error| Error::Internal(error.to_string()))?;
+        match &report {
+            Some(path) => write_bytes(path, json.as_bytes())?,
+            None => super::print(&json)?,
+        }
+    }
+    if validation && !result.messages.is_empty() {
+        result.messages.iter().for_each(|message| eprintln!("validation: {message}"));
+        return Err(Error::Internal(format!("{} validation messages", result.messages.len())));
+    }
+    Ok(())
+}
+
+/// Reads the scene, while the window is there already.
+fn open(args: &Args, gpu: &crate::gpu::Gpu) -> Result<Opened> {
+    let scene = open_scene(gpu, args.scene.as_deref(), args.quiet)?;
+    let name = args.scene.as_deref().unwrap_or(rooms::NAMES[0]);
+    let origin = match rooms::by_name(name) {
+        Some(room) => Origin::Room(Box::new(room)),
+        None => Origin::File(PathBuf::from(name)),
+    };
+    let method = match &args.method {
+        Some(name) => Method::parse(name, "--method")?,
+        None => Method::parse(&scene.render.method, &format!("{}: render.method", scene.name))?,
+    };
+    let Side { mut settings, .. } = Side::of(method);
+    for (key, value) in &scene.render.set {
+        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        settings.set(key, &text, &format!("{}: render.set", scene.name))?;
+    }
+    for pair in &args.set {
+        let (key, value) = pair.split_once('=').ok_or_else(|| {
+            Error::input("--set", format!("\"{pair}\" is not key=value"), "write for example --set atrous_levels=3")
+        })?;
+        settings.set(key.trim(), value.trim(), "--set")?;
+    }
+    let exposure = scene.render.exposure;
+    Ok(Opened { scene, origin, side: Side { method, settings }, exposure })
+}

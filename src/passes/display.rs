@@ -1,0 +1,180 @@
+//! `display`: an image of the renderer as a window shows it. No part of the frame, and nothing that a file holds.
+
+use super::resources::{Kernel, Resources};
+use crate::{
+    Result,
+    gpu::{Access, Bind, Format, Frame, Gpu, Image, Threads},
+    gpu_struct, shaders,
+};
+
+/// What the numbers of an image mean, and so how they are shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// sRGB of exposure times the value.
+    Radiance,
+    /// A unit vector.
+    Direction,
+    /// Metres.
+    Place,
+    /// Pixels to the previous frame.
+    Motion,
+    /// A number that names an object.
+    Id,
+    /// From 0 to 1.
+    Share,
+    /// What was traced.
+    Mask,
+    /// Frames accumulated.
+    History,
+    /// Which triangle.
+    Code,
+    /// Two pictures, as they are displayed.
+    Difference,
+}
+
+impl Look {
+    /// That of an AOV, from its name.
+    pub fn of(aov: &str) -> Self {
+        let stem = aov.strip_suffix("_real").or(aov.strip_suffix("_virtual")).unwrap_or(aov);
+        match stem {
+            "normal" => Self::Direction,
+            "position" => Self::Place,
+            "motion" => Self::Motion,
+            "object_id" => Self::Id,
+            "hit" => Self::Code,
+            "mask" => Self::Mask,
+            "moments" => Self::History,
+            _ if aov == "real_coverage" => Self::Share,
+            _ => Self::Radiance,
+        }
+    }
+
+    /// How to read it.
+    pub const fn legend(self) -> &'static str {
+        match self {
+            Self::Radiance => "colour: sRGB of exposure · value, clipped",
+            Self::Direction => "red, green, blue: x, y, z from −1 to 1; black: nothing there",
+            Self::Place => {
+                "red, green, blue: x, y, z, each from 0 to 1 within a metre, from the capture point; black: nothing there"
+            }
+            Self::Motion => {
+                "red, green: where it was in the previous frame, ±16 pixels to the right and down; grey: still"
+            }
+            Self::Id => "a colour for each instance; dark grey: the real scene",
+            Self::Share => "black 0, white 1",
+            Self::Mask => "white: traced; grey: filled in; black: nothing to light",
+            Self::History => "frames accumulated: from blue, 0, over green to white, 64 and more",
+            Self::Code => "a colour for each triangle; dark grey: no object",
+            Self::Difference => {
+                "|A − B| of displayed values, mean over colours: from blue, 0, over green to white, 0.25 and more"
+            }
+        }
+    }
+}
+
+impl Look {
+    /// What the two ends of its scale stand for, where numbers are shown as colours on one.
+    pub const fn scale(self) -> Option<[&'static str; 2]> {
+        match self {
+            Self::Share => Some(["0", "1"]),
+            Self::History => Some(["0 frames", "64 and more"]),
+            Self::Difference => Some(["0", "0.25 and more"]),
+            _ => None,
+        }
+    }
+
+    /// The colour at a place of the scale, from 0 to 1; sRGB codes, also from 0 to 1. As `display.comp` has it.
+    pub fn color(self, x: f32) -> [f32; 3] {
+        if self == Self::Share {
+            return [x; 3];
+        }
+        [2.2 * x - 0.7, 1.5 * x, 0.25 + 1.2 * x * (1.0 - x) + (4.0 * x - 3.0).max(0.0)].map(|c| c.clamp(0.0, 1.0))
+    }
+}
+
+gpu_struct! {
+    /// Push constants of `display.comp`.
+    pub struct Push {
+        pub size: [u32; 2],
+        pub look: u32,
+        pub layer: u32,
+        pub plus: u32,
+        pub channel: i32,
+        pub exposure: f32,
+        pub raised: f32,
+        pub scale: f32,
+        pub marks: u32,
+    }
+}
+
+/// What to show.
+#[derive(Clone, Copy)]
+pub struct Input<'a> {
+    /// The image, and the layer of it that counts.
+    pub image: &'a Image,
+    pub layer: u32,
+    /// Added to it, or what it is compared with.
+    pub other: Option<&'a Image>,
+    /// The one channel that counts.
+    pub channel: Option<usize>,
+    /// What the numbers mean.
+    pub look: Look,
+    /// Factor on radiance.
+    pub exposure: f32,
+    /// `inverse_tonemap` of the panorama, and its exposure: what was raised comes down again.
+    pub raised: [f32; 2],
+    /// Marks pixels where this is not 0.
+    pub marked: Option<&'a Image>,
+}
+
+/// See the module.
+pub struct Display {
+    kernel: Kernel,
+    /// For what an input does not have.
+    nothing: [Image; 2],
+}
+
+impl Display {
+    /// Builds the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        use Access::{Read, Write};
+        const BINDINGS: &[(&str, Access)] =
+            &[("in_image", Read), ("in_other", Read), ("in_codes", Read), ("out_picture", Write), ("in_marked", Read)];
+        let nothing = |format| gpu.image("nothing shown", [1, 1], 1, 1, format);
+        Ok(Self {
+            kernel: Kernel::new::<Push>(gpu, "display", shaders::DISPLAY, BINDINGS, &[], &[])?,
+            nothing: [nothing(Format::Rgba32f)?, nothing(Format::Rgba32u)?],
+        })
+    }
+
+    /// An image that [`Display::record`] can write.
+    pub fn picture(gpu: &Gpu, size: [u32; 2]) -> Result<Image> {
+        gpu.image("shown picture", size, 1, 1, Format::Rgba8)
+    }
+
+    /// Records the dispatch.
+    pub fn record(&self, frame: &mut Frame, input: &Input, picture: &Image) -> Result<()> {
+        let [floats, codes] = &self.nothing;
+        let is_code = input.look == Look::Code;
+        let push = Push {
+            size: picture.size(),
+            look: input.look as u32,
+            layer: input.layer,
+            plus: u32::from(input.look != Look::Difference && input.other.is_some()),
+            channel: input.channel.map_or(-1, |channel| channel as i32),
+            exposure: input.exposure,
+            raised: input.raised[0],
+            scale: input.raised[1].max(1e-9),
+            marks: u32::from(input.marked.is_some()),
+        };
+        let special = [
+            ("in_image", Bind::from(if is_code { floats } else { input.image })),
+            ("in_other", Bind::from(input.other.unwrap_or(floats))),
+            ("in_codes", Bind::from(if is_code { input.image } else { codes })),
+            ("in_marked", Bind::from(input.marked.unwrap_or(floats))),
+            ("out_picture", Bind::from(picture)),
+        ];
+        let [width, height] = push.size;
+        self.kernel.dispatch(frame, &special, &[&Resources::default()], &push, Threads::Size([width, height, 1]))
+    }
+}

@@ -1,0 +1,64 @@
+//! `unknown`: which pixels of a camera off the capture point show what the capture never saw. For the window; no part of the frame.
+
+use super::{
+    depth_pyramid::DepthPyramid,
+    panorama::Panorama,
+    resources::{Kernel, Resource, Resources},
+    view::ViewData,
+};
+use crate::{
+    Result,
+    gpu::{Access, Format, Gpu, Image, StructLayout, Threads, struct_layout},
+    shaders,
+};
+
+/// See the module.
+pub struct Unknown {
+    kernel: Kernel,
+    depth_pyramid: DepthPyramid,
+    /// The renderer's, but for a pyramid of its own that has far sides too.
+    panorama: Panorama,
+    prepared: Option<usize>,
+    image: Option<Image>,
+}
+
+impl Unknown {
+    /// Builds the pipelines and allocates for a panorama.
+    pub fn new(gpu: &Gpu, panorama: &Panorama) -> Result<Self> {
+        use Access::{Read, Write};
+        const STRUCTS: &[StructLayout] = &[struct_layout::<ViewData>("View")];
+        const BINDINGS: &[(&str, Access)] =
+            &[("in_view", Read), ("in_depth", Read), ("in_angles", Read), ("in_pyramid", Read), ("out_unknown", Write)];
+        Ok(Self {
+            kernel: Kernel::new::<()>(gpu, "unknown", shaders::UNKNOWN, BINDINGS, STRUCTS, &[])?,
+            depth_pyramid: DepthPyramid::new(gpu)?,
+            panorama: panorama.clone().with_far_sides(gpu)?,
+            prepared: None,
+            image: None,
+        })
+    }
+
+    /// Finds them for a view whose data is that of its last frame; `video_frame` is that of the panorama.
+    ///
+    /// # Errors
+    /// No memory, a lost device.
+    pub fn find(&mut self, gpu: &Gpu, view: &Resources, size: [u32; 2], video_frame: usize) -> Result<Image> {
+        let image = match self.image.take().filter(|image| image.size() == size) {
+            Some(image) => image,
+            None => gpu.image("unknown", size, 1, 1, Format::R32f)?,
+        };
+        let mut frame = gpu.frame()?;
+        if self.prepared != Some(video_frame) {
+            self.depth_pyramid.record(&mut frame, &self.panorama, view)?;
+            frame.barrier("unknown walks the pyramid");
+            self.prepared = Some(video_frame);
+        }
+        let mut own = Resources::default();
+        own.add("unknown", Resource::Image(image.clone()));
+        let threads = Threads::Size([size[0], size[1], 1]);
+        self.kernel.dispatch(&mut frame, &[], &[&own, view, &self.panorama.resources], &(), threads)?;
+        frame.submit()?;
+        self.image = Some(image.clone());
+        Ok(image)
+    }
+}

@@ -1,0 +1,316 @@
+//! Keys and the pointer over the picture.
+
+use super::{
+    edit::Editor,
+    pick,
+    session::{Action, Drag, Session},
+    state::{Compare, Side},
+};
+use crate::settings::Method;
+use egui::{Key, Modifiers, PointerButton};
+use glam::{Quat, Vec2, Vec3, vec2};
+use std::path::PathBuf;
+
+/// Keys and what they do: the help in the window, and the documents'.
+pub const KEYS: &[(&str, &str)] = &[
+    ("drag", "look; on an object: move it along real surfaces"),
+    ("Shift+drag, Ctrl+drag on an object", "turn it, scale it"),
+    ("right drag", "look, whatever is under the pointer"),
+    ("wheel", "zoom; Ctrl: scale the selected object"),
+    ("click", "select an object, or none"),
+    ("W A S D, Q E", "move the camera level, down and up; Shift: faster"),
+    ("C", "the scene's own camera"),
+    ("Space", "play, pause"),
+    ("Left, Right", "a frame back, forward"),
+    ("Home", "the first frame"),
+    ("L", "loop"),
+    ("1 2 3 4", "A by iprt, paper, ibl, reference; Shift: B"),
+    ("B", "A and B side by side; drag the line between them"),
+    ("V", "where A and B differ"),
+    ("T", "A against the accumulating truth of its model"),
+    ("O, Shift+O", "the next, the previous image (AOV)"),
+    ("U", "mark what the capture never saw"),
+    ("R", "accumulate anew"),
+    (", .", "turn the selected object by 15°"),
+    ("- =", "scale it by a tenth"),
+    ("Delete", "remove it"),
+    ("Ctrl+Z, Ctrl+Y", "undo, redo"),
+    ("Ctrl+S", "save the scene"),
+    ("F12, Shift+F12", "screenshot as PNG, as EXR"),
+    ("F11", "full screen"),
+    ("P", "panels"),
+    ("F1", "this help"),
+    ("drop a .glb or .gltf", "add it in front of the camera"),
+];
+
+/// Metres a second.
+const SPEED: f32 = 1.0;
+/// How near the pointer has to be to the line between A and B, points.
+const GRAB: f32 = 6.0;
+
+/// Answers keys, where no text is being written.
+pub fn keys(session: &mut Session, ctx: &egui::Context) {
+    if ctx.egui_wants_keyboard_input() {
+        session.walking = false;
+        return;
+    }
+    let pressed = |key| ctx.input_mut(|input| input.consume_key(Modifiers::NONE, key));
+    let with = |modifiers, key| ctx.input_mut(|input| input.consume_key(modifiers, key));
+    // keys with modifiers first: those without are satisfied by any
+    if with(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || with(Modifiers::COMMAND, Key::Y) {
+        session.editor.as_mut().map(Editor::redo);
+    }
+    if with(Modifiers::COMMAND, Key::Z) {
+        session.editor.as_mut().map(Editor::undo);
+    }
+    if with(Modifiers::COMMAND, Key::S) {
+        session.save(&PathBuf::from(session.save_path.clone()));
+    }
+    for (key, method) in [Key::Num1, Key::Num2, Key::Num3, Key::Num4].into_iter().zip(Method::ALL) {
+        if with(Modifiers::SHIFT, key) {
+            session.sides[1] = Side::of(method);
+        }
+        if pressed(key) {
+            session.sides[0] = Side::of(method);
+        }
+    }
+    for (name, modifiers) in [("exr", Modifiers::SHIFT), ("png", Modifiers::NONE)] {
+        if with(modifiers, Key::F12) {
+            session.actions.push(Action::Screenshot(free_name(name)));
+        }
+    }
+    if with(Modifiers::SHIFT, Key::O) {
+        next_aov(session, -1);
+    }
+    if pressed(Key::O) {
+        next_aov(session, 1);
+    }
+    switches(session, &pressed);
+    selected(session, &pressed);
+    walk(session, ctx);
+}
+
+fn switches(session: &mut Session, pressed: &dyn Fn(Key) -> bool) {
+    for (key, switch) in [
+        (Key::Space, &mut session.playing),
+        (Key::L, &mut session.looping),
+        (Key::U, &mut session.mark_unknown),
+        (Key::P, &mut session.panels),
+        (Key::F1, &mut session.help),
+    ] {
+        if pressed(key) {
+            *switch = !*switch;
+        }
+    }
+    for (key, way) in [(Key::B, Compare::Split), (Key::V, Compare::Difference)] {
+        if pressed(key) {
+            session.compare = if session.compare == way { Compare::Single } else { way };
+        }
+    }
+    if pressed(Key::T) {
+        session.sides[1] = Side::of(Method::Reference);
+        session.compare = Compare::Split;
+    }
+    for (key, by) in [(Key::ArrowLeft, -1), (Key::ArrowRight, 1)] {
+        if pressed(key) {
+            session.playing = false;
+            session.step(by);
+        }
+    }
+    if pressed(Key::Home) {
+        session.go_to(0);
+    }
+    if pressed(Key::C) {
+        session.free = None;
+    }
+    if pressed(Key::R) {
+        session.restart += 1;
+    }
+    if pressed(Key::F11) {
+        session.actions.push(Action::FullScreen);
+    }
+    if pressed(Key::Escape) {
+        session.help = false;
+        if let Some(editor) = &mut session.editor {
+            editor.select(None);
+        }
+    }
+}
+
+fn selected(session: &mut Session, pressed: &dyn Fn(Key) -> bool) {
+    let time = session.time;
+    for (key, angle) in [(Key::Comma, 15.0_f32), (Key::Period, -15.0)] {
+        if pressed(key) {
+            change(session, time, |to| to.rotation = Quat::from_rotation_y(angle.to_radians()) * to.rotation);
+        }
+    }
+    for (key, factor) in [(Key::Minus, 1.0 / 1.1), (Key::Equals, 1.1)] {
+        if pressed(key) {
+            change(session, time, |to| to.scale *= factor);
+        }
+    }
+    if pressed(Key::Delete) || pressed(Key::Backspace) {
+        let removed = session.editor.as_mut().map_or(Ok(()), Editor::remove);
+        session.check(removed);
+    }
+}
+
+/// Changes where the selected object is, as a step of its own.
+fn change(session: &mut Session, time: f64, change: impl Fn(&mut crate::scene::animation::Transform)) {
+    let Some(editor) = &mut session.editor else { return };
+    let Some(index) = editor.selected() else { return };
+    let mut to = editor.transform(index, time);
+    change(&mut to);
+    editor.begin_step();
+    editor.place(index, to, time);
+}
+
+fn walk(session: &mut Session, ctx: &egui::Context) {
+    let (way, seconds) = ctx.input(|input| {
+        let held = |key| f32::from(u8::from(input.key_down(key) && !input.modifiers.command));
+        let way = Vec3::new(held(Key::D) - held(Key::A), held(Key::E) - held(Key::Q), held(Key::W) - held(Key::S));
+        (way * if input.modifiers.shift { 4.0 } else { 1.0 }, input.unstable_dt.min(0.1))
+    });
+    session.walking = way != Vec3::ZERO;
+    if session.walking
+        && let Some(camera) = session.take_camera()
+    {
+        camera.walk(SPEED * seconds * way);
+    }
+}
+
+fn next_aov(session: &mut Session, by: isize) {
+    let names = &session.shown.aovs;
+    let now = names.iter().position(|name| *name == session.aov);
+    if let Some(name) = now.and_then(|now| names.get((now as isize + by).rem_euclid(names.len() as isize) as usize)) {
+        session.aov = name.clone();
+    }
+}
+
+/// The first `iprt-NNNN` that is not there yet.
+fn free_name(extension: &str) -> PathBuf {
+    let names = (1..).map(|number| PathBuf::from(format!("iprt-{number:04}.{extension}")));
+    names.into_iter().find(|path| !path.exists()).unwrap_or_default()
+}
+
+/// Answers the pointer over the picture.
+pub fn pointer(session: &mut Session, response: &egui::Response, ui: &egui::Ui) {
+    let rect = response.rect;
+    let place = |at: egui::Pos2| vec2((at.x - rect.min.x) / rect.width(), (at.y - rect.min.y) / rect.height());
+    let modifiers = ui.input(|input| input.modifiers);
+    let on_divider = |at: egui::Pos2, session: &Session| {
+        session.compare == Compare::Split && (at.x - rect.min.x - session.divider * rect.width()).abs() < GRAB
+    };
+    if let Some(at) = response.hover_pos() {
+        if on_divider(at, session) {
+            ui.set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+        }
+        let (wheel, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+        if modifiers.command && pinch != 1.0 {
+            let time = session.time;
+            change(session, time, |to| to.scale *= pinch);
+        } else if wheel != 0.0
+            && let Some(camera) = session.take_camera()
+        {
+            camera.zoom((-wheel / 400.0).exp());
+        }
+    }
+    let origin = ui.input(|input| input.pointer.press_origin());
+    if response.clicked_by(PointerButton::Primary)
+        && let Some(at) = response.interact_pointer_pos()
+    {
+        let index = under(session, place(at));
+        if let Some(editor) = &mut session.editor {
+            editor.select(index);
+        }
+    }
+    if response.drag_started()
+        && let Some(at) = origin
+    {
+        session.drag = if response.drag_started_by(PointerButton::Secondary) {
+            Some(Drag::Look)
+        } else if on_divider(at, session) {
+            Some(Drag::Divider)
+        } else {
+            Some(grab(session, place(at), modifiers))
+        };
+    }
+    if !response.dragged() {
+        session.drag = None;
+        return;
+    }
+    let by = response.drag_delta() / rect.height();
+    let by = vec2(by.x, by.y);
+    match session.drag {
+        Some(Drag::Look) if by != Vec2::ZERO => {
+            if let Some(camera) = session.take_camera() {
+                camera.turn(by);
+            }
+        }
+        Some(Drag::Divider) => {
+            if let Some(at) = response.interact_pointer_pos() {
+                session.divider = place(at).x.clamp(0.0, 1.0);
+            }
+        }
+        Some(Drag::Move { grip }) => {
+            if let Some(at) = response.interact_pointer_pos() {
+                drag_along(session, place(at) + grip);
+            }
+        }
+        Some(way @ (Drag::Turn | Drag::Scale)) if by != Vec2::ZERO => {
+            let time = session.time;
+            let Some((index, editor)) = session.editor.as_mut().and_then(|e| Some((e.selected()?, e))) else { return };
+            let mut to = editor.transform(index, time);
+            match way {
+                Drag::Turn => to.rotation = Quat::from_rotation_y(4.0 * by.x) * to.rotation,
+                _ => to.scale *= (-2.0 * by.y).exp(),
+            }
+            editor.place(index, to, time);
+        }
+        _ => {}
+    }
+}
+
+/// The object seen at a place of the picture.
+fn under(session: &Session, place: Vec2) -> Option<usize> {
+    let (editor, lens) = (session.editor.as_ref()?, session.lens()?);
+    let scene = editor.scene();
+    let surface = session.shown.surface.as_deref().map(|frame| pick::Surface {
+        frame,
+        centre: scene.panorama.position,
+        yaw_degrees: scene.panorama.yaw_degrees,
+    });
+    pick::object_at(scene, surface, &lens, place, session.time)
+}
+
+/// What a drag that begins here is about.
+fn grab(session: &mut Session, place: Vec2, modifiers: Modifiers) -> Drag {
+    let Some(index) = under(session, place) else { return Drag::Look };
+    let (lens, time) = (session.lens(), session.time);
+    let Some(editor) = &mut session.editor else { return Drag::Look };
+    editor.select(Some(index));
+    editor.begin_step();
+    session.playing = false;
+    if modifiers.shift {
+        Drag::Turn
+    } else if modifiers.command {
+        Drag::Scale
+    } else {
+        let foot = lens.and_then(|lens| lens.project(pick::foot(&editor.bounds(index, time))));
+        Drag::Move { grip: foot.map_or(Vec2::ZERO, |foot| foot - place) }
+    }
+}
+
+/// Puts the selected object where the real surface is seen at a place of the picture.
+fn drag_along(session: &mut Session, place: Vec2) {
+    let (Some(lens), time, Some(frame)) = (session.lens(), session.time, session.shown.surface.clone()) else { return };
+    let Some((index, editor)) = session.editor.as_mut().and_then(|e| Some((e.selected()?, e))) else { return };
+    let panorama = &editor.scene().panorama;
+    let surface = pick::Surface { frame: &frame, centre: panorama.position, yaw_degrees: panorama.yaw_degrees };
+    let Some((point, normal)) = surface.hit(lens.camera.position, lens.direction(place)) else { return };
+    // what is nearly level or upright is taken to be so, as depth is not that exact
+    let normal = [Vec3::Y, Vec3::NEG_Y].into_iter().find(|axis| normal.dot(*axis) > 0.8).unwrap_or(normal);
+    let mut to = editor.transform(index, time);
+    to.translation += pick::onto(&editor.bounds(index, time), point, normal);
+    editor.place(index, to, time);
+}

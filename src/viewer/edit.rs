@@ -1,0 +1,222 @@
+//! The scene as it is changed by hand: add, remove, place, undo, redo.
+
+use crate::{
+    Error, Result,
+    scene::{
+        Object, Scene,
+        animation::{Placement, Transform},
+        bounds::Bounds,
+        gltf,
+        material::Material,
+        model::Model,
+        rooms::Room,
+        shapes::Shape,
+    },
+};
+use glam::Vec3;
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+/// Where a scene comes from, and so how it is saved.
+#[derive(Clone, Debug)]
+pub enum Origin {
+    /// A scene file.
+    File(PathBuf),
+    /// A built-in room.
+    Room(Box<Room>),
+}
+
+/// Where an object comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Made {
+    /// The scene; its place among the objects there.
+    Kept(usize),
+    /// A glTF file.
+    Gltf(PathBuf),
+    /// A shape and its full extents, metres.
+    Shape(Shape, Vec3),
+}
+
+/// One state of the scene.
+#[derive(Clone)]
+struct State {
+    scene: Arc<Scene>,
+    made: Vec<Made>,
+    selected: Option<usize>,
+}
+
+/// See the module.
+pub struct Editor {
+    now: State,
+    before: Vec<State>,
+    after: Vec<State>,
+    /// Whether the next placement begins a step of its own.
+    fresh_step: bool,
+    /// Where it comes from.
+    pub origin: Origin,
+    /// Whether there is anything to save.
+    pub changed: bool,
+}
+
+/// Steps that can be undone.
+const STEPS: usize = 200;
+
+impl Editor {
+    /// Nothing changed yet.
+    pub fn new(scene: Scene, origin: Origin) -> Self {
+        let made = (0..scene.objects().count()).map(Made::Kept).collect();
+        let now = State { scene: Arc::new(scene), made, selected: None };
+        Self { now, before: Vec::new(), after: Vec::new(), fresh_step: true, origin, changed: false }
+    }
+
+    /// The scene as it is now.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.now.scene
+    }
+
+    /// Where its objects come from.
+    pub fn made(&self) -> &[Made] {
+        &self.now.made
+    }
+
+    /// The object that keys and panels are about.
+    pub fn selected(&self) -> Option<usize> {
+        self.now.selected
+    }
+
+    /// Selects an object, or none.
+    pub fn select(&mut self, index: Option<usize>) {
+        self.now.selected = index.filter(|index| *index < self.now.made.len());
+    }
+
+    /// Names of all objects.
+    pub fn names(&self) -> Vec<String> {
+        self.now.scene.objects().map(|object| object.name.clone()).collect()
+    }
+
+    /// Where an object is at a time.
+    pub fn transform(&self, index: usize, time: f64) -> Transform {
+        self.now.scene.objects().nth(index).map_or(Transform::IDENTITY, |object| object.placement.at(time))
+    }
+
+    /// Its box, world, metres.
+    pub fn bounds(&self, index: usize, time: f64) -> Bounds {
+        self.now.scene.object_bounds(index, time)
+    }
+
+    /// What follows, until the next call, is undone as one.
+    pub fn begin_step(&mut self) {
+        self.fresh_step = true;
+    }
+
+    fn remember(&mut self) {
+        self.before.push(self.now.clone());
+        if self.before.len() > STEPS {
+            self.before.remove(0);
+        }
+        self.after.clear();
+        self.changed = true;
+    }
+
+    /// Puts an object where `to` says; its motion goes along.
+    pub fn place(&mut self, index: usize, to: Transform, time: f64) {
+        let Some(object) = self.now.scene.objects().nth(index) else { return };
+        if object.placement.at(time) == to || to.scale.abs().min_element() < 1e-6 || !to.translation.is_finite() {
+            return;
+        }
+        let placement = object.placement.moved(time, to);
+        if std::mem::take(&mut self.fresh_step) {
+            self.remember();
+        }
+        let mut scene = Scene::clone(&self.now.scene);
+        scene.place(index, placement);
+        self.now.scene = Arc::new(scene);
+    }
+
+    /// Adds an object, selects it, up to the next [`Editor::begin_step`] as one step with placing it, and returns its place among the others.
+    ///
+    /// # Errors
+    /// What cannot be packed.
+    pub fn add(&mut self, mut object: Object, made: Made) -> Result<usize> {
+        let names = self.names();
+        let stem = object.name.clone();
+        let mut number = 2;
+        while names.contains(&object.name) {
+            object.name = format!("{stem}-{number}");
+            number += 1;
+        }
+        let mut objects: Vec<Object> = self.now.scene.objects().cloned().collect();
+        objects.push(object);
+        let scene = self.now.scene.with_objects(&objects)?;
+        self.remember();
+        self.now.scene = Arc::new(scene);
+        self.now.made.push(made);
+        self.now.selected = Some(objects.len() - 1);
+        self.fresh_step = false; // putting it somewhere is part of adding it
+        Ok(objects.len() - 1)
+    }
+
+    /// Takes the selected object away.
+    ///
+    /// # Errors
+    /// What cannot be packed.
+    pub fn remove(&mut self) -> Result<()> {
+        let Some(index) = self.now.selected else { return Ok(()) };
+        let mut objects: Vec<Object> = self.now.scene.objects().cloned().collect();
+        objects.remove(index);
+        let scene = self.now.scene.with_objects(&objects)?;
+        self.remember();
+        self.now.scene = Arc::new(scene);
+        self.now.made.remove(index);
+        self.now.selected = None;
+        Ok(())
+    }
+
+    /// Takes the last step back; whether there was one.
+    pub fn undo(&mut self) -> bool {
+        let Some(state) = self.before.pop() else { return false };
+        self.after.push(std::mem::replace(&mut self.now, state));
+        (self.fresh_step, self.changed) = (true, true);
+        true
+    }
+
+    /// Does again what was undone; whether there was anything.
+    pub fn redo(&mut self) -> bool {
+        let Some(state) = self.after.pop() else { return false };
+        self.before.push(std::mem::replace(&mut self.now, state));
+        (self.fresh_step, self.changed) = (true, true);
+        true
+    }
+}
+
+/// Reads a glTF file as an object at the origin.
+///
+/// # Errors
+/// A file that cannot be read or used; another kind of file.
+pub fn load_object(path: &Path) -> Result<(Object, Made)> {
+    let kind = path.extension().and_then(|e| e.to_str()).map(str::to_lowercase);
+    if !matches!(kind.as_deref(), Some("glb" | "gltf")) {
+        return Err(Error::input(path.display(), "is neither .glb nor .gltf", "drop a glTF model"));
+    }
+    let (model, warnings) = gltf::load(path)?;
+    warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    if model.meshes.is_empty() {
+        return Err(Error::input(path.display(), "holds no triangles", "drop a glTF model that has some"));
+    }
+    let name = path.file_stem().map_or_else(|| "object".into(), |stem| stem.to_string_lossy().into_owned());
+    let clip = (!model.rig.clips.is_empty()).then_some(0);
+    let placement = Placement::fixed(Transform::IDENTITY);
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    Ok((Object { name, model: Arc::new(model), placement, clip, speed: 1.0 }, Made::Gltf(path)))
+}
+
+/// A shape as a scene file without a material has it, at the origin.
+pub fn shape_object(shape: Shape, size: Vec3) -> (Object, Made) {
+    let name = Shape::NAMES[shape as usize].to_owned();
+    let material = Material::plain(&name, Vec3::splat(0.8), 0.5);
+    let model = Arc::new(Model { name: name.clone(), ..Model::from_mesh(shape.mesh(size), material) });
+    let placement = Placement::fixed(Transform::IDENTITY);
+    (Object { name, model, placement, clip: None, speed: 1.0 }, Made::Shape(shape, size))
+}

@@ -1,0 +1,347 @@
+//! The thread that renders. It works on the newest that is wanted, quickly while that keeps changing and well once it stands
+//! still, and leaves finished pictures where the window finds them. The window never waits for it.
+
+use super::{
+    painter::{Pace, Painter, SETTLED, interrupted},
+    state::{Compare, Notice, Order, Picture, Shown, Wanted},
+};
+use crate::{
+    Result,
+    gpu::{Gpu, Pieces},
+    output::{self, Kind},
+    passes::display::Display,
+    plan::Part,
+};
+use std::{
+    sync::{
+        Arc, Condvar, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::JoinHandle,
+    time::{Duration, Instant},
+};
+
+/// See the module.
+pub struct Engine {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    inbox: Mutex<Inbox>,
+    bell: Condvar,
+    pieces: Pieces,
+    /// Whether what runs now may be stopped for something newer.
+    patient: AtomicBool,
+    shown: Mutex<Shown>,
+    notices: Mutex<Vec<Notice>>,
+    wake: Box<dyn Fn() + Send + Sync>,
+}
+
+#[derive(Default)]
+struct Inbox {
+    wanted: Option<Wanted>,
+    orders: Vec<Order>,
+    fresh: bool,
+    quit: bool,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Engine {
+    /// Starts the thread; `wake` is called whenever there is something new to show or to say.
+    ///
+    /// # Errors
+    /// No thread can be started.
+    pub fn start(gpu: Gpu, wake: impl Fn() + Send + Sync + 'static) -> Result<Self> {
+        let shared = Arc::new(Shared {
+            inbox: Mutex::default(),
+            bell: Condvar::new(),
+            pieces: Pieces::default(),
+            patient: AtomicBool::new(false),
+            shown: Mutex::default(),
+            notices: Mutex::default(),
+            wake: Box::new(wake),
+        });
+        let there = Arc::clone(&shared);
+        let thread = std::thread::Builder::new().name("render".into()).spawn(move || run(gpu, &there));
+        let thread = thread.map_err(|error| crate::Error::Internal(format!("starting a thread: {error}")))?;
+        Ok(Self { shared, thread: Some(thread) })
+    }
+
+    /// Asks for something to be seen, instead of what was asked for before.
+    pub fn want(&self, wanted: Wanted) {
+        let mut inbox = lock(&self.shared.inbox);
+        let other = inbox.wanted.as_ref().is_none_or(|old| !old.same_view(&wanted) || old.sides != wanted.sides);
+        if other && self.shared.patient.load(Ordering::Relaxed) {
+            self.shared.pieces.stop();
+        }
+        inbox.wanted = Some(wanted);
+        inbox.fresh = true;
+        self.shared.bell.notify_one();
+    }
+
+    /// Asks for something to be done.
+    pub fn order(&self, order: Order) {
+        lock(&self.shared.inbox).orders.push(order);
+        self.shared.bell.notify_one();
+    }
+
+    /// What there is to show.
+    pub fn shown(&self) -> Shown {
+        lock(&self.shared.shown).clone()
+    }
+
+    /// What there is to say, once.
+    pub fn notices(&self) -> Vec<Notice> {
+        std::mem::take(&mut lock(&self.shared.notices))
+    }
+}
+
+impl Drop for Engine {
+    fn drop(&mut self) {
+        lock(&self.shared.inbox).quit = true;
+        self.shared.pieces.stop();
+        self.shared.bell.notify_one();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the rendering thread panicked");
+        }
+        *lock(&self.shared.shown) = Shown::default();
+    }
+}
+
+fn run(gpu: Gpu, shared: &Shared) {
+    let fail = |text: String| {
+        lock(&shared.notices).push(Notice::Failed(text));
+        (shared.wake)();
+    };
+    let gpu = gpu.keeping_passes(); // a method that was shown before is there at once
+    let mut work = match Work::new(&gpu, shared) {
+        Ok(work) => work,
+        Err(error) => return fail(error.to_string()),
+    };
+    let mut wait = None;
+    while let Some((wanted, orders, fresh)) = next(shared, wait) {
+        work.orders.extend(orders);
+        wait = match work.turn(&wanted, fresh) {
+            Ok(wait) => wait,
+            Err(error) if interrupted(&error) => Some(Duration::ZERO),
+            Err(error) => {
+                // the last picture stays; something else may work
+                fail(error.to_string());
+                None
+            }
+        };
+    }
+}
+
+/// What is wanted now, as soon as that changes or the time is over; nothing once it is the end.
+fn next(shared: &Shared, wait: Option<Duration>) -> Option<(Wanted, Vec<Order>, bool)> {
+    let mut inbox = lock(&shared.inbox);
+    let until = wait.map(|wait| Instant::now() + wait);
+    loop {
+        if inbox.quit {
+            return None;
+        }
+        let due = until.is_some_and(|until| Instant::now() >= until);
+        let fresh = inbox.fresh;
+        if (fresh || due || !inbox.orders.is_empty())
+            && let Some(wanted) = inbox.wanted.clone()
+        {
+            inbox.fresh = false;
+            return Some((wanted, std::mem::take(&mut inbox.orders), fresh));
+        }
+        inbox = match until.filter(|_| inbox.wanted.is_some()) {
+            Some(until) => {
+                let left = until.saturating_duration_since(Instant::now());
+                shared.bell.wait_timeout(inbox, left).unwrap_or_else(PoisonError::into_inner).0
+            }
+            None => shared.bell.wait(inbox).unwrap_or_else(PoisonError::into_inner),
+        };
+    }
+}
+
+struct Work<'a> {
+    gpu: Gpu,
+    shared: &'a Shared,
+    display: Display,
+    painters: [Painter; 2],
+    orders: Vec<Order>,
+    last: Option<Wanted>,
+    changed: Instant,
+    serial: u64,
+    played: Option<usize>,
+    surface: Option<(usize, Arc<crate::panorama::source::PanoramaFrame>)>,
+}
+
+impl<'a> Work<'a> {
+    fn new(gpu: &Gpu, shared: &'a Shared) -> Result<Self> {
+        let painter = || Painter::new(gpu, &shared.pieces);
+        Ok(Self {
+            gpu: gpu.clone(),
+            shared,
+            display: Display::new(gpu)?,
+            painters: [painter(), painter()],
+            orders: Vec::new(),
+            last: None,
+            changed: Instant::now(),
+            serial: 0,
+            played: None,
+            surface: None,
+        })
+    }
+
+    /// One frame of each picture. Returns when to come again, if nothing else happens.
+    fn turn(&mut self, wanted: &Wanted, fresh: bool) -> Result<Option<Duration>> {
+        if self.last.as_ref().is_none_or(|last| !last.same_view(wanted)) {
+            self.changed = Instant::now();
+        }
+        self.last = Some(wanted.clone());
+        let quickly = wanted.moving || self.changed.elapsed() < SETTLED;
+        self.shared.pieces.go_on();
+        self.shared.patient.store(!quickly, Ordering::Relaxed);
+        let count = if wanted.compare == Compare::Single { 1 } else { 2 };
+        if count == 1 && self.painters[1].renderer().is_some() {
+            self.painters[1].clear();
+        }
+        let pairs = self.painters.iter().zip(&wanted.sides).take(count);
+        let next: Vec<Pace> = pairs.map(|(painter, side)| painter.next(wanted, side)).collect();
+        // both come along together: who is ahead waits, or, where they are to be compared, begins again
+        let pace = next.iter().copied().min().filter(|_| !quickly).unwrap_or(Pace::Quick);
+        let differ = wanted.compare == Compare::Difference;
+        let mut sizes: Vec<[u32; 2]> = self.painters.iter_mut().take(count).map(|p| p.size(wanted, pace)).collect();
+        if let Some(least) = sizes.iter().copied().min().filter(|_| differ) {
+            sizes.fill(least);
+        }
+        let (mut rendered, mut published) = (0, 0);
+        for (index, side) in wanted.sides.iter().enumerate().take(count) {
+            let waits = next[index] > pace && !quickly && !differ;
+            let new = !waits && self.painters[index].step(wanted, side, pace, sizes[index])?;
+            rendered += u64::from(new);
+            // A is not kept waiting for B, but differs only from a B of the same view
+            if (new && !differ) || (index + 1 == count && (fresh || rendered > published)) {
+                self.publish(wanted, count, rendered - published, quickly)?;
+                published = rendered;
+            }
+        }
+        self.shared.patient.store(false, Ordering::Relaxed);
+        self.obey(wanted);
+        if rendered > 0 {
+            return Ok(Some(Duration::ZERO));
+        }
+        if quickly {
+            return Ok(Some(SETTLED.saturating_sub(self.changed.elapsed())));
+        }
+        self.look_at_surface(wanted)?;
+        self.set_idle(true);
+        Ok(None)
+    }
+
+    fn publish(&mut self, wanted: &Wanted, count: usize, rendered: u64, quickly: bool) -> Result<()> {
+        self.serial += 1;
+        let mut pictures: [Option<Picture>; 2] = [None, None];
+        for (slot, painter) in pictures.iter_mut().zip(&mut self.painters).take(count) {
+            *slot = painter.picture(&self.display, wanted, None, self.serial)?;
+        }
+        let preview = pictures[0].as_ref().is_some_and(|picture| picture.preview);
+        let mut difference = None;
+        if wanted.compare == Compare::Difference {
+            let [a, b] = &mut self.painters;
+            let other = b.renderer().filter(|b| a.renderer().is_some_and(|a| a.options().size == b.options().size));
+            if let Some(other) = other {
+                let other = other.shown("radiance")?.image.clone();
+                difference = a.picture(&self.display, wanted, Some(&other), self.serial)?;
+            }
+        }
+        let frame = wanted.scene.panorama.frame_at(wanted.time);
+        let skipped = match self.played {
+            Some(played) if wanted.moving && frame > played => frame - played - 1,
+            _ => 0,
+        };
+        self.played = Some(frame);
+        let mut aovs = self.painters[0].renderer().map_or_else(Vec::new, crate::renderer::Renderer::aov_names);
+        // where there are two layers these are put together on reading, and nothing is read here
+        for name in ["position", "motion"] {
+            if aovs.contains(&format!("{name}_virtual")) {
+                aovs.retain(|known| known != name);
+            }
+        }
+        let reasons = |renderer: &crate::renderer::Renderer| {
+            let plan = renderer.plan();
+            Part::ALL.map(|part| (part.name(), plan.on(part), plan.reason(part))).to_vec()
+        };
+        let plan = self.painters[0].renderer().map_or_else(Vec::new, reasons);
+        {
+            let mut shown = lock(&self.shared.shown);
+            shown.pictures = pictures;
+            shown.difference = difference;
+            shown.aovs = aovs;
+            shown.plan = plan;
+            shown.rendered += rendered;
+            shown.dropped += skipped as u64;
+            shown.idle = false;
+        }
+        (self.shared.wake)();
+        if !quickly || (self.surface.is_none() && !preview) {
+            self.look_at_surface(wanted)?;
+        }
+        Ok(())
+    }
+
+    fn set_idle(&self, idle: bool) {
+        lock(&self.shared.shown).idle = idle;
+        (self.shared.wake)();
+    }
+
+    /// Keeps the depth of the video frame for the window.
+    fn look_at_surface(&mut self, wanted: &Wanted) -> Result<()> {
+        let frame = wanted.scene.panorama.frame_at(wanted.time);
+        if self.surface.as_ref().is_none_or(|(known, _)| *known != frame) {
+            let mut loaded = wanted.scene.panorama.load(frame)?;
+            loaded.radiance = Vec::new();
+            self.surface = Some((frame, Arc::new(loaded)));
+        }
+        let surface = self.surface.as_ref().map(|(_, surface)| Arc::clone(surface));
+        let mut shown = lock(&self.shared.shown);
+        if shown.surface.as_ref().map(Arc::as_ptr) != surface.as_ref().map(Arc::as_ptr) {
+            shown.surface = surface;
+            drop(shown);
+            (self.shared.wake)();
+        }
+        Ok(())
+    }
+
+    fn obey(&mut self, wanted: &Wanted) {
+        let painter = &self.painters[0];
+        let Some(renderer) = painter.renderer().filter(|_| painter.is_full(wanted)) else { return };
+        let mut notices = Vec::new();
+        let enough = wanted.sides[0].enough();
+        self.orders.retain(|order| {
+            let Order::Screenshot { path, frames } = order;
+            if painter.frames < (*frames).min(enough) {
+                return true;
+            }
+            let written = Kind::of(path)
+                .and_then(|kind| output::write(renderer, &wanted.scene, path, kind, wanted.exposure, &[]));
+            notices.push(match written {
+                Ok(()) => Notice::Written { path: path.clone(), size: wanted.size, frames: painter.frames },
+                Err(error) => Notice::Failed(error.to_string()),
+            });
+            false
+        });
+        if !notices.is_empty() {
+            lock(&self.shared.notices).extend(notices);
+            (self.shared.wake)();
+        }
+    }
+}
+
+impl Drop for Work<'_> {
+    fn drop(&mut self) {
+        tracing::debug!("the rendering thread ends on {}", self.gpu.device_name());
+    }
+}

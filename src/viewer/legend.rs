@@ -1,0 +1,62 @@
+//! What the colours of the picture mean, over the picture.
+
+use super::{session::Session, state::Compare};
+use crate::passes::display::Look;
+use egui::{Align2, Color32, FontId, Mesh, Pos2, Rect, Shape, pos2, vec2};
+
+/// Width of the text and of the scale, points.
+const WIDTH: f32 = 260.0;
+
+/// Draws it into the lower right corner, unless the picture is simply the scene as it looks, or smaller than two of these.
+pub fn show(session: &Session, painter: &egui::Painter, rect: Rect) {
+    if rect.width() < 2.0 * WIDTH {
+        return;
+    }
+    let (name, look) = match session.compare {
+        Compare::Difference => ("A − B", Look::Difference),
+        _ => (session.aov.as_str(), Look::of(&session.aov)),
+    };
+    let mut text = match (session.compare, name) {
+        (Compare::Single | Compare::Split, "radiance") => String::new(),
+        _ => format!("{name}\n{}", look.legend()),
+    };
+    if session.mark_unknown {
+        text += if text.is_empty() { "" } else { "\n" };
+        text += "pink stripes: never seen by the capture";
+    }
+    if text.is_empty() {
+        return;
+    }
+    let galley = painter.layout(text, FontId::proportional(13.0), Color32::WHITE, WIDTH);
+    let scale = look.scale().filter(|_| session.compare == Compare::Difference || name != "radiance");
+    let height = galley.size().y + if scale.is_some() { 34.0 } else { 0.0 };
+    let size = vec2(if scale.is_some() { WIDTH } else { galley.size().x }, height);
+    let place = Align2::RIGHT_BOTTOM.anchor_size(rect.right_bottom() + vec2(-8.0, -8.0), size);
+    painter.rect_filled(place.expand(4.0), 3.0, Color32::from_black_alpha(170));
+    painter.galley(place.min, galley, Color32::WHITE);
+    if let Some(ends) = scale {
+        let bar = Rect::from_min_max(pos2(place.min.x, place.max.y - 30.0), pos2(place.max.x, place.max.y - 16.0));
+        painter.add(Shape::mesh(bar_of(look, bar)));
+        let corners = [(bar.left_bottom(), Align2::LEFT_TOP), (bar.right_bottom(), Align2::RIGHT_TOP)];
+        for (text, (at, align)) in ends.into_iter().zip(corners) {
+            painter.text(at, align, text, FontId::proportional(12.0), Color32::WHITE);
+        }
+    }
+}
+
+fn bar_of(look: Look, bar: Rect) -> Mesh {
+    const STEPS: u32 = 32;
+    let mut mesh = Mesh::default();
+    for k in 0..=STEPS {
+        let x = k as f32 / STEPS as f32;
+        let [r, g, b] = look.color(x).map(|c| (255.0 * c).round() as u8);
+        let at = |y: f32| -> Pos2 { pos2(bar.min.x + x * bar.width(), y) };
+        mesh.colored_vertex(at(bar.min.y), Color32::from_rgb(r, g, b));
+        mesh.colored_vertex(at(bar.max.y), Color32::from_rgb(r, g, b));
+        if k > 0 {
+            mesh.add_triangle(2 * k - 2, 2 * k - 1, 2 * k);
+            mesh.add_triangle(2 * k - 1, 2 * k, 2 * k + 1);
+        }
+    }
+    mesh
+}

@@ -1,0 +1,376 @@
+//! One of the two pictures: its renderer, the size that holds the frame time, and the images that the window copies.
+
+use super::state::{Compare, Picture, Side, Wanted};
+use crate::{
+    Error, Result,
+    gpu::{Gpu, Image, Pieces, Timings},
+    options::RenderOptions,
+    passes::display::{Display, Input, Look},
+    plan::{Plan, facts::CameraPlace},
+    renderer::Renderer,
+    scene::{Scene, packed::PackedScene, viewpoint::Projection},
+};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+/// By how much the picture may be smaller than it should be, each way.
+const SHRINK: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
+/// Assumed before anything was measured: milliseconds a pixel.
+const GUESS: f64 = 4e-3;
+/// Frames that are expected to take longer are submitted in pieces, milliseconds.
+const SHORT: f64 = 20.0;
+
+/// A still picture that takes twice as long in full size is first seen in one that takes this, milliseconds.
+const BETWEEN: f64 = 500.0;
+
+/// How much time a frame is given, the least first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Pace {
+    /// As much as is wanted while things move.
+    Quick,
+    /// Half a second: on the way from a quick picture to a slow one.
+    Between,
+    /// As much as its full size takes.
+    Full,
+}
+
+impl Pace {
+    /// Milliseconds of a frame; none for as many as it takes.
+    fn target(self, wanted: &Wanted) -> Option<f64> {
+        let share = if wanted.compare == Compare::Single { 1.0 } else { 0.5 };
+        match self {
+            Self::Quick => Some(share * wanted.target_ms),
+            Self::Between => Some(share * BETWEEN),
+            Self::Full => None,
+        }
+    }
+}
+
+/// See the module.
+pub struct Painter {
+    gpu: Gpu,
+    pieces: Pieces,
+    renderer: Option<Renderer>,
+    made_for: Option<(Arc<PackedScene>, Side)>,
+    view: Option<Wanted>,
+    /// Frames of this view and size.
+    pub frames: u32,
+    /// How far this view has come.
+    reached: Option<Pace>,
+    cost: Cost,
+    frame_ms: f64,
+    timings: Arc<Timings>,
+    held_relight: bool,
+    /// The next picture in full size begins anew: something has moved since the relit panorama began to accumulate.
+    stale: bool,
+    /// All frames since the last fresh start were in full size, with all passes.
+    pure: bool,
+    images: Vec<Image>,
+    /// The renderer shows the real scene alone, until the one that was asked for is made.
+    preview: bool,
+}
+
+/// What a frame costs: so much, and so much a pixel, milliseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Cost {
+    a_pixel: Option<f64>,
+    relight: f64,
+    shrink: usize,
+}
+
+impl Cost {
+    /// The size that holds the target, milliseconds.
+    fn size(&mut self, full: [u32; 2], target: f64, relight: f64) -> [u32; 2] {
+        let pixels = f64::from(full[0]) * f64::from(full[1]);
+        let a_pixel = self.a_pixel.unwrap_or(GUESS);
+        let takes = |shrink: f64| relight + a_pixel * pixels / (shrink * shrink);
+        // a size that does is kept, so that it does not go up and down
+        let now = takes(SHRINK[self.shrink]);
+        if now > 1.25 * target || now < 0.4 * target {
+            self.shrink = SHRINK.iter().position(|s| takes(*s) <= target).unwrap_or(SHRINK.len() - 1);
+        }
+        full.map(|side| ((f64::from(side) / SHRINK[self.shrink]).round() as u32).max(side.min(16)))
+    }
+
+    /// Milliseconds that a frame is expected to take.
+    fn of(&self, size: [u32; 2]) -> f64 {
+        self.relight + self.a_pixel.unwrap_or(GUESS) * f64::from(size[0]) * f64::from(size[1])
+    }
+
+    fn learn(&mut self, frame_ms: f64, relight: f64, size: [u32; 2]) {
+        if relight > 0.0 {
+            self.relight = relight;
+        }
+        let seen = (frame_ms - relight).max(1e-3) / (f64::from(size[0]) * f64::from(size[1]));
+        self.a_pixel = Some(self.a_pixel.map_or(seen, |known| 0.6 * known + 0.4 * seen));
+    }
+}
+
+impl Painter {
+    /// Nothing is made before the first step.
+    pub fn new(gpu: &Gpu, pieces: &Pieces) -> Self {
+        Self {
+            gpu: gpu.clone(),
+            pieces: pieces.clone(),
+            renderer: None,
+            made_for: None,
+            view: None,
+            frames: 0,
+            reached: None,
+            cost: Cost::default(),
+            frame_ms: 0.0,
+            timings: Arc::default(),
+            held_relight: false,
+            stale: false,
+            pure: false,
+            images: Vec::new(),
+            preview: false,
+        }
+    }
+
+    /// The renderer, once there is one.
+    pub fn renderer(&self) -> Option<&Renderer> {
+        self.renderer.as_ref()
+    }
+
+    /// Whether the last picture has the size that was asked for.
+    pub fn is_full(&self, wanted: &Wanted) -> bool {
+        self.renderer.as_ref().is_some_and(|renderer| renderer.options().size == wanted.size)
+    }
+
+    fn is_made_for(&self, wanted: &Wanted, side: &Side) -> bool {
+        self.made_for.as_ref().is_some_and(|(packed, made)| Arc::ptr_eq(packed, &wanted.scene.packed) && made == side)
+    }
+
+    /// What comes next for this view, if it stands still.
+    pub fn next(&self, wanted: &Wanted, side: &Side) -> Pace {
+        let known = self.is_made_for(wanted, side) && self.view.as_ref().is_some_and(|view| view.same_view(wanted));
+        match self.reached.filter(|_| known) {
+            None => Pace::Quick,
+            Some(Pace::Quick) if self.cost.of(wanted.size) > 2.0 * BETWEEN => Pace::Between,
+            Some(_) => Pace::Full,
+        }
+    }
+
+    fn holds_relight(&self, wanted: &Wanted, pace: Pace) -> bool {
+        pace.target(wanted).is_some_and(|target| self.cost.relight > 0.25 * target)
+    }
+
+    /// The size in which a frame takes no longer than it may, pixels.
+    pub fn size(&mut self, wanted: &Wanted, pace: Pace) -> [u32; 2] {
+        let relight = if self.holds_relight(wanted, pace) { 0.0 } else { self.cost.relight };
+        pace.target(wanted).map_or(wanted.size, |target| self.cost.size(wanted.size, target, relight))
+    }
+
+    /// Renders one frame of this size, if another one is worth while.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] where something newer is to be shown; what the renderer cannot do.
+    pub fn step(&mut self, wanted: &Wanted, side: &Side, pace: Pace, size: [u32; 2]) -> Result<bool> {
+        let scene = &wanted.scene;
+        if self.made_for.is_none() && !self.preview {
+            self.show_real_scene(wanted, side)?;
+            return Ok(true);
+        }
+        let built = !self.is_made_for(wanted, side);
+        if built {
+            let start = Instant::now();
+            self.rebuild(wanted, side, size)?;
+            tracing::debug!("a renderer was made, {:.2} s", start.elapsed().as_secs_f64());
+        }
+        let seen = self.view.as_ref().is_some_and(|view| view.same_view(wanted));
+        let hold_relight = self.holds_relight(wanted, pace);
+        let Some(renderer) = &mut self.renderer else { return Ok(false) };
+        let resized = renderer.options().size != size;
+        if resized {
+            renderer.set_size(size)?;
+        }
+        let restarted = self.view.as_ref().is_none_or(|view| view.restart != wanted.restart);
+        let moved = |view: &Wanted| {
+            let places = |scene: &Scene| scene.objects().map(|object| object.placement.clone()).collect::<Vec<_>>();
+            view.time != wanted.time || places(&view.scene) != places(&wanted.scene)
+        };
+        self.stale |= restarted || self.view.as_ref().is_some_and(moved);
+        self.pure &= !resized;
+        let fresh = restarted || (self.stale && pace == Pace::Full && !self.pure);
+        if fresh {
+            renderer.restart();
+        }
+        self.stale &= pace != Pace::Full;
+        self.pure = (self.pure || fresh) && size == wanted.size && !hold_relight;
+        if !seen || resized || built || fresh {
+            self.frames = 0;
+        }
+        if self.frames >= side.enough() {
+            return Ok(false);
+        }
+        self.view = Some(wanted.clone());
+        renderer.hold_relight = hold_relight;
+        renderer.pieces = (built || self.cost.of(size) > SHORT).then(|| self.pieces.clone());
+        let start = Instant::now();
+        let timings = match renderer.render(scene, wanted.time) {
+            Ok(timings) => timings,
+            Err(error) => {
+                renderer.restart();
+                self.frames = 0;
+                self.view = None;
+                return Err(error);
+            }
+        };
+        self.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        if built {
+            tracing::debug!("its first frame of {size:?}, {:.2} s", self.frame_ms * 1e-3);
+        }
+        self.held_relight = hold_relight;
+        let relight = timings.entries.iter().filter(|(name, _)| name == "relight").map(|(_, ms)| ms).sum();
+        // the first frame compiles, and prepares the panorama
+        if !built {
+            self.cost.learn(timings.gpu_ms, relight, size);
+        }
+        self.timings = Arc::new(timings);
+        self.frames += 1;
+        self.reached = Some(pace);
+        Ok(true)
+    }
+
+    /// The panorama without objects, which takes few pipelines and little time: seen at once, while the others are made.
+    fn show_real_scene(&mut self, wanted: &Wanted, side: &Side) -> Result<()> {
+        self.preview = true; // once, also where it fails
+        let mut renderer = Renderer::new(&self.gpu, &wanted.scene, options(wanted.size, side, true))?;
+        let start = Instant::now();
+        self.timings = Arc::new(renderer.render(&wanted.scene, wanted.time)?);
+        self.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        self.renderer = Some(renderer);
+        Ok(())
+    }
+
+    fn rebuild(&mut self, wanted: &Wanted, side: &Side, size: [u32; 2]) -> Result<()> {
+        self.renderer = None;
+        self.made_for = None;
+        let options = options(size, side, false);
+        let mut plan = Plan::of(&wanted.scene, &options, None)?;
+        let facts = &mut plan.facts;
+        facts.camera = CameraPlace::Both(f32::INFINITY);
+        facts.moving = Some("objects can be moved by hand".into());
+        facts.alone = Err("objects can be moved by hand".into());
+        facts.in_view = true;
+        // smaller pictures are coarser
+        facts.footprint *= SHRINK[SHRINK.len() - 1] as f32;
+        let plan = plan.with(&options.settings);
+        self.renderer = Some(Renderer::with_plan(&self.gpu, &wanted.scene, options, plan)?);
+        self.made_for = Some((Arc::clone(&wanted.scene.packed), side.clone()));
+        self.preview = false;
+        Ok(())
+    }
+
+    /// The last frame as the window shows it; `other` is what it is compared with.
+    ///
+    /// # Errors
+    /// No such image, a lost device.
+    pub fn picture(
+        &mut self,
+        display: &Display,
+        wanted: &Wanted,
+        other: Option<&Image>,
+        serial: u64,
+    ) -> Result<Option<Picture>> {
+        let Some(renderer) = &mut self.renderer else { return Ok(None) };
+        let marked = if wanted.mark_unknown && renderer.frames() > 0 { Some(renderer.unknown()?) } else { None };
+        let name = if other.is_some() { "radiance" } else { wanted.aov.as_str() };
+        let known = renderer.aov_names().iter().any(|known| known == name);
+        let source = renderer.shown(if known { name } else { "radiance" })?;
+        let panorama = &wanted.scene.panorama;
+        let input = Input {
+            image: source.image,
+            layer: source.layer,
+            other: other.or(source.plus),
+            channel: source.channel,
+            look: if other.is_some() { Look::Difference } else { Look::of(name) },
+            exposure: wanted.exposure,
+            raised: [panorama.inverse_tonemap, panorama.exposure()],
+            marked: marked.as_ref(),
+        };
+        let size = renderer.options().size;
+        self.images.retain(|image| image.size() == size || image.is_shared());
+        let free = self.images.iter().find(|image| image.size() == size && !image.is_shared());
+        let image = match free {
+            Some(image) => image.clone(),
+            None => Display::picture(&self.gpu, size)?,
+        };
+        let mut frame = self.gpu.frame()?;
+        display.record(&mut frame, &input, &image)?;
+        frame.submit()?;
+        if !self.images.iter().any(|known| known.same(&image)) {
+            self.images.push(image.clone());
+        }
+        Ok(Some(Picture {
+            image,
+            size,
+            full: wanted.size,
+            frames: self.frames,
+            frame_ms: self.frame_ms,
+            timings: Arc::clone(&self.timings),
+            by_clock: renderer.pieces.is_some(),
+            time: wanted.time,
+            held_relight: self.held_relight,
+            preview: self.preview,
+            serial,
+            number: wanted.number,
+        }))
+    }
+
+    /// Frees what it holds.
+    pub fn clear(&mut self) {
+        *self = Self::new(&self.gpu, &self.pieces);
+    }
+}
+
+fn options(size: [u32; 2], side: &Side, without_objects: bool) -> RenderOptions {
+    RenderOptions {
+        size,
+        method: side.method,
+        settings: side.settings.clone(),
+        projection: Projection::Perspective,
+        seed: 0,
+        without_objects,
+    }
+}
+
+/// Whether it is the end of a frame that something newer made useless.
+pub fn interrupted(error: &Error) -> bool {
+    matches!(error, Error::Interrupted { .. })
+}
+
+/// How long after a change the next one is expected.
+pub const SETTLED: Duration = Duration::from_millis(250);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_size_holds_the_frame_time() {
+        let mut cost = Cost::default();
+        for (a_pixel, relight) in [(1e-6, 0.0), (1e-4, 5.0), (3e-3, 0.0), (3e-3, 30.0)] {
+            cost.a_pixel = Some(a_pixel);
+            let size = cost.size([1280, 720], 66.0, relight);
+            let takes = relight + a_pixel * f64::from(size[0] * size[1]);
+            assert!(takes <= 1.25 * 66.0, "{a_pixel}: {size:?} takes {takes} ms");
+            assert!(takes >= 0.3 * 66.0 || size == [1280, 720], "{a_pixel}: {size:?} is too small, {takes} ms");
+        }
+    }
+
+    #[test]
+    fn what_was_measured_counts() {
+        let mut cost = Cost::default();
+        for _ in 0..20 {
+            cost.learn(110.0, 10.0, [100, 100]);
+        }
+        assert!((cost.a_pixel.unwrap() - 0.01).abs() < 1e-4);
+        assert_eq!(cost.relight, 10.0);
+        cost.learn(100.0, 0.0, [100, 100]);
+        assert_eq!(cost.relight, 10.0, "held, not free");
+    }
+}

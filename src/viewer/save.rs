@@ -1,0 +1,187 @@
+//! Writes the scene as it is now, so that `render` shows what the window shows. A scene file keeps its comments and whatever was
+//! not changed; a built-in room becomes a folder, as by `iprt scene export`.
+
+use super::edit::{Editor, Made, Origin};
+use crate::{
+    Error, Result,
+    image_file::write::write_bytes,
+    scene::{
+        animation::Placement,
+        camera::CameraTrack,
+        export::{Export, camera_table, placement_table},
+        file::{RenderSettings, read_scene_file},
+        shapes::Shape,
+    },
+    settings::{Method, Settings},
+};
+use std::path::{Path, PathBuf};
+use toml_edit::{ArrayOfTables, DocumentMut, Item, Table};
+
+/// What goes into the file besides objects.
+pub struct View {
+    /// The camera, where it was moved by hand.
+    pub camera: Option<CameraTrack>,
+    /// Method, settings that differ from its own, exposure.
+    pub render: RenderSettings,
+}
+
+/// A method and settings as a scene file gives them.
+pub fn render_settings(method: Method, settings: &Settings, exposure: f32) -> RenderSettings {
+    let preset = Settings::of(method).values();
+    let differing = settings.values().into_iter().zip(preset).filter(|(now, preset)| now != preset);
+    let set = differing.map(|((name, value), _)| (name.to_owned(), toml::Value::String(value))).collect();
+    RenderSettings { method: method.name(), exposure, set }
+}
+
+/// Where a scene is saved unless told otherwise: its own file, or a folder of the room's name.
+pub fn usual_place(origin: &Origin) -> PathBuf {
+    match origin {
+        Origin::File(path) => path.clone(),
+        Origin::Room(room) => PathBuf::from(format!("{}-scene", room.name)),
+    }
+}
+
+/// Saves; `again`: the window itself wrote there before. Returns the scene file.
+///
+/// # Errors
+/// What cannot be written; a scene file in another folder than the one that its paths are relative to.
+pub fn save(editor: &Editor, view: &View, to: &Path, again: bool) -> Result<PathBuf> {
+    match &editor.origin {
+        Origin::File(from) => save_file(editor, view, from, to),
+        Origin::Room(room) => {
+            let mut room = (**room).clone();
+            room.objects = editor.scene().objects().cloned().collect();
+            if let Some(camera) = &view.camera {
+                room.camera = camera.clone();
+            }
+            let mut export = Export::of(&room);
+            if again {
+                std::fs::create_dir_all(to).map_err(|error| {
+                    Error::input(to.display(), error.kind().to_string(), "give a folder that can be written")
+                })?;
+            } else {
+                export.prepare(to)?;
+            }
+            let mut text: DocumentMut = parse(to, &export.scene)?;
+            write_render(&mut text, &view.render);
+            export.scene = text.to_string();
+            let panorama = &editor.scene().panorama;
+            let frames = (0..panorama.frame_count()).map(|index| panorama.load(index)).collect::<Result<Vec<_>>>()?;
+            export.write(to, &frames)
+        }
+    }
+}
+
+fn parse(path: &Path, text: &str) -> Result<DocumentMut> {
+    text.parse().map_err(|error: toml_edit::TomlError| {
+        Error::input(path.display(), error.message().replace('\n', " "), "correct the TOML, then save again")
+    })
+}
+
+fn save_file(editor: &Editor, view: &View, from: &Path, to: &Path) -> Result<PathBuf> {
+    let folder = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned())
+    };
+    if folder(from) != folder(to) {
+        let remedy = format!("save it in {}, to which its paths are relative", folder(from).display());
+        return Err(Error::input(to.display(), "is in another folder than the scene", remedy));
+    }
+    let text = std::fs::read_to_string(from)
+        .map_err(|error| Error::input(from.display(), error.kind().to_string(), "save it under another name"))?;
+    let mut document = parse(from, &text)?;
+    let first = |mut problems: Vec<Error>| problems.remove(0);
+    let known: Vec<Placement> =
+        read_scene_file(from).map_err(first)?.objects.into_iter().map(|object| object.placement).collect();
+    let old = document.remove("object").and_then(|item| item.into_array_of_tables().ok()).unwrap_or_default();
+    let mut objects = ArrayOfTables::new();
+    for (object, made) in editor.scene().objects().zip(editor.made()) {
+        let kept = match made {
+            Made::Kept(index) => old.get(*index).cloned(),
+            _ => None,
+        };
+        let unmoved = matches!(made, Made::Kept(index) if known.get(*index) == Some(&object.placement));
+        let mut table = kept.unwrap_or_default();
+        table.set_position(None); // in the order of the objects, not of the former file
+        match made {
+            Made::Kept(_) => {}
+            Made::Gltf(path) => {
+                table["name"] = toml_edit::value(&object.name);
+                let near = pathdiff::diff_paths(path, folder(to)).unwrap_or_else(|| path.clone());
+                table["gltf"] = toml_edit::value(near.to_string_lossy().into_owned());
+            }
+            Made::Shape(shape, size) => {
+                table["name"] = toml_edit::value(&object.name);
+                table["shape"] = toml_edit::value(Shape::NAMES[*shape as usize]);
+                let size: toml_edit::Array = size.to_array().iter().map(|side| shortest(*side)).collect();
+                table["size"] = toml_edit::value(size);
+            }
+        }
+        if !unmoved {
+            replace(&mut table, &["translation", "rotation", "scale", "key"], placement_table(&object.placement))?;
+        }
+        objects.push(table);
+    }
+    if !objects.is_empty() {
+        document.insert("object", Item::ArrayOfTables(objects));
+    }
+    if let Some(camera) = &view.camera {
+        let table = document.entry("camera").or_insert(Item::Table(Table::new()));
+        let Some(table) = table.as_table_mut() else {
+            return Err(Error::input(from.display(), "its camera is no [camera] table", "write it as one"));
+        };
+        let mut new = camera_table(camera);
+        new.remove("size");
+        replace(table, &["position", "look_at", "yaw", "pitch", "fov_y", "key"], new)?;
+    }
+    write_render(&mut document, &view.render);
+    write_bytes(to, document.to_string().as_bytes())?;
+    Ok(to.to_owned())
+}
+
+/// The shortest decimal that reads back as the same single-precision number.
+fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or_else(|_| f64::from(value))
+}
+
+/// Puts the entries of another table in the place of some.
+fn replace(table: &mut Table, keys: &[&str], by: toml::Table) -> Result<()> {
+    for key in keys {
+        table.remove(key);
+    }
+    // the two crates share the text, not the types
+    let by: DocumentMut =
+        by.to_string().parse().map_err(|error: toml_edit::TomlError| Error::Internal(error.to_string()))?;
+    for (key, item) in by.iter() {
+        let item = match item.as_array_of_tables() {
+            // inline, as a table of its own would end the object's
+            Some(tables) => {
+                toml_edit::value(tables.iter().map(|t| t.clone().into_inline_table()).collect::<toml_edit::Array>())
+            }
+            None => item.clone(),
+        };
+        table.insert(key, item);
+    }
+    Ok(())
+}
+
+/// Method, settings and exposure, where they are not the defaults or were there before.
+fn write_render(document: &mut DocumentMut, render: &RenderSettings) {
+    let default = RenderSettings::default();
+    if document.get("render").is_none() && *render == default {
+        return;
+    }
+    let table = document.entry("render").or_insert(Item::Table(Table::new()));
+    let Some(table) = table.as_table_like_mut() else { return };
+    table.insert("method", toml_edit::value(&render.method));
+    table.insert("exposure", toml_edit::value(shortest(render.exposure)));
+    let mut set = toml_edit::InlineTable::new();
+    for (key, value) in &render.set {
+        set.insert(key, value.as_str().unwrap_or_default().into());
+    }
+    if render.set.is_empty() {
+        table.remove("set");
+    } else {
+        table.insert("set", toml_edit::value(set));
+    }
+}

@@ -1,0 +1,409 @@
+//! What the window shows and how it answers: everything but the window itself.
+
+use super::{
+    camera::{Free, Lens},
+    edit::{Editor, Made, Origin},
+    save::{self, render_settings},
+    state::{Compare, Notice, Shown, Side, Wanted},
+    timings_panel,
+};
+use crate::{
+    Error, Result,
+    gpu::{Blit, PresentMode, Timings},
+    scene::{Object, Scene, camera::Camera},
+    settings::Method,
+};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+/// What the session asks of the window.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Write A's picture.
+    Screenshot(PathBuf),
+    /// Read a model and add it.
+    Load(PathBuf),
+    /// Into or out of full screen.
+    FullScreen,
+}
+
+/// A line over the picture.
+#[derive(Clone, Debug)]
+pub struct Message {
+    pub text: String,
+    pub error: bool,
+    pub since: Instant,
+}
+
+/// How long it stays.
+const MESSAGE_TIME: Duration = Duration::from_secs(8);
+
+/// What a frame took.
+#[derive(Clone, Debug)]
+pub struct FrameTime {
+    /// In all, milliseconds.
+    pub wall_ms: f64,
+    pub timings: Arc<Timings>,
+}
+
+/// What the pointer is dragging.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Drag {
+    /// The view.
+    Look,
+    /// The line between A and B.
+    Divider,
+    /// An object over surfaces; from the pointer to the object's foot, in parts of the picture.
+    Move { grip: glam::Vec2 },
+    /// An object about its vertical.
+    Turn,
+    /// An object's size.
+    Scale,
+}
+
+/// See the module.
+pub struct Session {
+    /// Nothing while the scene is loading.
+    pub editor: Option<Editor>,
+    /// The camera, where it was moved by hand.
+    pub free: Option<Free>,
+    /// Seconds.
+    pub time: f64,
+    pub playing: bool,
+    pub looping: bool,
+    pub sides: [Side; 2],
+    pub compare: Compare,
+    /// Where A ends and B begins, 0 to 1 across the picture.
+    pub divider: f32,
+    pub aov: String,
+    pub exposure: f32,
+    pub mark_unknown: bool,
+    pub target_ms: f64,
+    pub restart: u64,
+    pub mode: PresentMode,
+    pub modes: Vec<PresentMode>,
+    pub panels: bool,
+    pub help: bool,
+    pub drag: Option<Drag>,
+    /// Keys that move the camera are down.
+    pub walking: bool,
+    pub messages: Vec<Message>,
+    /// Every message so far that was an error.
+    pub errors: Vec<String>,
+    /// The picture in the window, points.
+    pub picture: egui::Rect,
+    pub pixels_per_point: f32,
+    pub actions: Vec<Action>,
+    pub save_path: String,
+    pub model_path: String,
+    /// Where the session saved before.
+    saved: Option<PathBuf>,
+    /// Times of A's last frames, the newest last.
+    pub frame_times: Vec<FrameTime>,
+    last_serial: u64,
+    played_at: Option<Instant>,
+    play_clock: f64,
+    /// The scene, seen by this camera.
+    seen: Option<(Arc<Scene>, Option<Free>, Arc<Scene>)>,
+    pub shown: Shown,
+    /// When the window was asked for.
+    pub started: Instant,
+    /// What it is drawn on, for people.
+    pub device: String,
+}
+
+impl Session {
+    /// An empty one.
+    pub fn new(side: Side, target_ms: f64, device: String) -> Self {
+        Self {
+            editor: None,
+            free: None,
+            time: 0.0,
+            playing: false,
+            looping: true,
+            sides: [side, Side::of(Method::Paper)],
+            compare: Compare::Single,
+            divider: 0.5,
+            aov: "radiance".into(),
+            exposure: 1.0,
+            mark_unknown: false,
+            target_ms,
+            restart: 0,
+            mode: PresentMode::Fifo,
+            modes: Vec::new(),
+            panels: true,
+            help: false,
+            drag: None,
+            walking: false,
+            messages: Vec::new(),
+            errors: Vec::new(),
+            picture: egui::Rect::ZERO,
+            pixels_per_point: 1.0,
+            actions: Vec::new(),
+            save_path: String::new(),
+            model_path: String::new(),
+            saved: None,
+            frame_times: Vec::new(),
+            last_serial: 0,
+            played_at: None,
+            play_clock: 0.0,
+            seen: None,
+            shown: Shown::default(),
+            started: Instant::now(),
+            device,
+        }
+    }
+
+    /// Takes a loaded scene over.
+    pub fn opened(&mut self, scene: Scene, origin: Origin, side: Side, exposure: f32) {
+        for warning in &scene.warnings {
+            tracing::warn!("{warning}");
+        }
+        self.save_path = save::usual_place(&origin).display().to_string();
+        self.sides[0] = side;
+        self.exposure = exposure;
+        self.editor = Some(Editor::new(scene, origin));
+    }
+
+    /// Says something over the picture.
+    pub fn say(&mut self, text: impl Into<String>) {
+        self.messages.push(Message { text: text.into(), error: false, since: Instant::now() });
+    }
+
+    /// Says that something failed.
+    pub fn complain(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        if self.messages.iter().any(|message| message.text == text) {
+            return;
+        }
+        tracing::warn!("{text}");
+        self.errors.push(text.clone());
+        self.messages.push(Message { text, error: true, since: Instant::now() });
+    }
+
+    /// Complains where something failed.
+    pub fn check<T>(&mut self, result: Result<T>) -> Option<T> {
+        result.map_err(|error: Error| self.complain(error.to_string())).ok()
+    }
+
+    /// What the rendering thread has to say.
+    pub fn hear(&mut self, notice: Notice) {
+        match notice {
+            Notice::Written { path, size: [w, h], frames } => {
+                self.say(format!("{} written, {w}×{h}, {frames} frames", path.display()));
+            }
+            Notice::Failed(text) => self.complain(text),
+        }
+    }
+
+    /// What it has to show; whether that is new.
+    pub fn see(&mut self, shown: Shown) -> bool {
+        let serials = |shown: &Shown| shown.pictures.each_ref().map(|p| p.as_ref().map(|p| p.serial));
+        let other = serials(&shown) != serials(&self.shown) || shown.idle != self.shown.idle;
+        if let Some(picture) = &shown.pictures[0]
+            && picture.serial != self.last_serial
+        {
+            self.last_serial = picture.serial;
+            self.frame_times.push(FrameTime { wall_ms: picture.frame_ms, timings: Arc::clone(&picture.timings) });
+            let extra = self.frame_times.len().saturating_sub(timings_panel::FRAMES);
+            self.frame_times.drain(..extra);
+        }
+        self.shown = shown;
+        other
+    }
+
+    /// Whether a picture is still to come, or something moves on its own.
+    pub fn is_moving(&self) -> bool {
+        self.playing || self.walking || self.drag.is_some_and(|drag| drag != Drag::Divider)
+    }
+
+    /// The last frame's number, and frames a second.
+    pub fn frames(&self) -> (usize, f64) {
+        let Some(editor) = &self.editor else { return (0, 30.0) };
+        let (scene, fps) = (editor.scene(), editor.scene().panorama.fps);
+        let count = (scene.duration() * fps - 1e-6).ceil().max(1.0) as usize;
+        (count - 1, fps)
+    }
+
+    /// The number of the frame that is shown.
+    pub fn frame(&self) -> usize {
+        (self.time * self.frames().1).round() as usize
+    }
+
+    /// Goes to a frame.
+    pub fn go_to(&mut self, frame: usize) {
+        let (last, fps) = self.frames();
+        self.time = frame.min(last) as f64 / fps;
+        self.play_clock = self.time;
+    }
+
+    /// Steps over frames, round and round where it loops.
+    pub fn step(&mut self, by: i64) {
+        let (last, _) = self.frames();
+        let target = self.frame() as i64 + by;
+        let count = last as i64 + 1;
+        self.go_to(if self.looping { target.rem_euclid(count) } else { target.clamp(0, last as i64) } as usize);
+    }
+
+    /// Lets the clock run.
+    pub fn play(&mut self, now: Instant) {
+        let before = self.played_at.replace(now);
+        if !self.playing {
+            self.play_clock = self.time;
+            return;
+        }
+        let (last, fps) = self.frames();
+        let end = (last + 1) as f64 / fps;
+        self.play_clock += before.map_or(0.0, |before| (now - before).as_secs_f64());
+        if self.play_clock >= end {
+            if self.looping {
+                self.play_clock %= end;
+            } else {
+                (self.play_clock, self.playing) = (last as f64 / fps, false);
+            }
+        }
+        let frame = (self.play_clock * fps + 1e-6).floor() as usize;
+        self.time = frame.min(last) as f64 / fps;
+    }
+
+    /// The camera as it is now.
+    pub fn camera(&self) -> Option<Camera> {
+        let scene = self.editor.as_ref()?.scene();
+        let track = self.free.map(|free| free.track(scene.camera.size));
+        Some(track.as_ref().unwrap_or(&scene.camera).at(self.time))
+    }
+
+    /// The picture's geometry.
+    pub fn lens(&self) -> Option<Lens> {
+        let size = self.picture_size()?;
+        Some(Lens { camera: self.camera()?, aspect: size[0] as f32 / size[1] as f32 })
+    }
+
+    /// Takes the camera over from the scene.
+    pub fn take_camera(&mut self) -> Option<&mut Free> {
+        if self.free.is_none() {
+            self.free = Some(Free::from_camera(&self.camera()?));
+        }
+        self.free.as_mut()
+    }
+
+    /// The picture in the window, pixels.
+    pub fn picture_size(&self) -> Option<[u32; 2]> {
+        let size = self.picture.size() * self.pixels_per_point;
+        let [width, height] = [size.x, size.y].map(|side| side.round().clamp(0.0, 16384.0) as u32);
+        (width >= 8 && height >= 8).then_some([width, height])
+    }
+
+    /// What is to be rendered, if there is anything.
+    pub fn wanted(&mut self) -> Option<Wanted> {
+        let size = self.picture_size()?;
+        let scene = Arc::clone(self.editor.as_ref()?.scene());
+        let same =
+            |(from, free, _): &(Arc<Scene>, Option<Free>, Arc<Scene>)| Arc::ptr_eq(from, &scene) && *free == self.free;
+        if !self.seen.as_ref().is_some_and(same) {
+            let seen = match self.free {
+                Some(free) => {
+                    let mut seen = Scene::clone(&scene);
+                    seen.camera = free.track(scene.camera.size);
+                    Arc::new(seen)
+                }
+                None => Arc::clone(&scene),
+            };
+            self.seen = Some((scene, self.free, seen));
+        }
+        Some(Wanted {
+            scene: Arc::clone(&self.seen.as_ref()?.2),
+            time: self.time,
+            size,
+            sides: self.sides.clone(),
+            compare: self.compare,
+            aov: self.aov.clone(),
+            exposure: self.exposure,
+            mark_unknown: self.mark_unknown,
+            moving: self.is_moving(),
+            target_ms: self.target_ms,
+            restart: self.restart,
+            number: 0,
+        })
+    }
+
+    /// The pictures and where they go.
+    pub fn blits(&self) -> Vec<Blit> {
+        let rect = self.picture * self.pixels_per_point;
+        let [left, top, right, bottom] = [rect.min.x, rect.min.y, rect.max.x, rect.max.y].map(f32::round);
+        let part = |picture: &super::state::Picture, from: f32, to: f32| {
+            let [width, height] = picture.size.map(|side| side as f32);
+            let across = |x: f32| left + (right - left) * x;
+            Blit {
+                image: picture.image.clone(),
+                from: [width * from, 0.0, width * to, height],
+                to: [across(from), top, across(to), bottom],
+                smooth: !picture.is_full(),
+            }
+        };
+        let [a, b] = &self.shown.pictures;
+        let whole = |picture: &Option<super::state::Picture>| picture.iter().map(|p| part(p, 0.0, 1.0)).collect();
+        match self.compare {
+            Compare::Single => whole(a),
+            Compare::Split => {
+                let a = a.iter().map(|p| part(p, 0.0, self.divider));
+                a.chain(b.iter().map(|p| part(p, self.divider, 1.0))).collect()
+            }
+            Compare::Difference if self.shown.difference.is_some() => whole(&self.shown.difference),
+            Compare::Difference => whole(a),
+        }
+    }
+
+    /// Puts a model into the scene, in front of the camera, on what is there.
+    pub fn add(&mut self, object: Object, made: Made) {
+        let (Some(lens), time) = (self.lens(), self.time) else { return };
+        let surface = self.shown.surface.clone();
+        let Some(editor) = &mut self.editor else { return };
+        let added = editor.add(object, made);
+        if let Ok(index) = added {
+            let direction = lens.direction(glam::vec2(0.5, 0.6));
+            let scene = editor.scene();
+            let hit = surface.and_then(|frame| {
+                super::pick::Surface {
+                    frame: &frame,
+                    centre: scene.panorama.position,
+                    yaw_degrees: scene.panorama.yaw_degrees,
+                }
+                .hit(lens.camera.position, direction)
+            });
+            let (point, normal) = hit.unwrap_or((lens.camera.position + 2.0 * direction, glam::Vec3::Y));
+            let mut to = editor.transform(index, time);
+            to.translation += super::pick::onto(&editor.bounds(index, time), point, normal);
+            editor.place(index, to, time);
+            editor.begin_step();
+        }
+        self.check(added);
+    }
+
+    /// Saves; what was written, or what is wrong, is said.
+    pub fn save(&mut self, to: &Path) {
+        let Some(editor) = &self.editor else { return };
+        let side = &self.sides[0];
+        let view = save::View {
+            camera: self.free.map(|free| free.track(editor.scene().camera.size)),
+            render: render_settings(side.method, &side.settings, self.exposure),
+        };
+        let again = self.saved.as_deref() == Some(to);
+        let saved = save::save(editor, &view, to, again);
+        if let Some(path) = self.check(saved) {
+            self.saved = Some(to.to_owned());
+            if let Some(editor) = &mut self.editor {
+                editor.changed = false;
+            }
+            self.say(format!("{} written", path.display()));
+        }
+    }
+
+    /// Forgets old messages.
+    pub fn tidy(&mut self) {
+        self.messages.retain(|message| message.since.elapsed() < MESSAGE_TIME);
+    }
+}

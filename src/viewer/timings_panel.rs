@@ -1,0 +1,91 @@
+//! Time of each pass of A, now and over the frames before.
+
+use super::session::{FrameTime, Session};
+use crate::gpu::Timings;
+use egui::{Color32, Rect, Ui, ecolor::Hsva};
+
+/// Frames that the graph shows.
+pub const FRAMES: usize = 120;
+
+/// A table with bars, and a column for each frame, stacked from its passes.
+pub fn show(session: &Session, ui: &mut Ui) {
+    let Some(picture) = &session.shown.pictures[0] else { return };
+    let passes = sums(&picture.timings);
+    let mut names: Vec<&str> = passes.iter().map(|(name, _)| *name).collect();
+    for frame in &session.frame_times {
+        for (name, _) in &frame.timings.entries {
+            if !names.contains(&name.as_str()) {
+                names.push(name);
+            }
+        }
+    }
+    let most = passes.iter().map(|(_, ms)| *ms).fold(1e-9, f64::max);
+    egui::Grid::new("passes").num_columns(3).spacing([8.0, 2.0]).show(ui, |ui| {
+        for (name, ms) in &passes {
+            ui.monospace(*name);
+            ui.monospace(format!("{ms:8.2}"));
+            let (rect, _) = ui.allocate_exact_size(egui::vec2(90.0, 10.0), egui::Sense::hover());
+            let bar = Rect::from_min_size(rect.min, egui::vec2(rect.width() * (ms / most) as f32, rect.height()));
+            ui.painter().rect_filled(bar, 1.0, color(&names, name));
+            ui.end_row();
+        }
+        for (name, ms) in [("passes", picture.timings.gpu_ms), ("frame", picture.frame_ms)] {
+            ui.monospace(name);
+            ui.monospace(format!("{ms:8.2}"));
+            ui.weak("ms");
+            ui.end_row();
+        }
+    });
+    graph(&session.frame_times, &names, ui);
+    let by = if picture.by_clock {
+        "Passes by the clock: a slow frame is submitted in pieces, between which the window is drawn"
+    } else {
+        "Passes by GPU timestamps"
+    };
+    ui.weak(by);
+    ui.weak(format!("{} pictures, {} video frames passed over", session.shown.rendered, session.shown.dropped));
+}
+
+/// Milliseconds by name, in the order of the frame.
+fn sums(timings: &Timings) -> Vec<(&str, f64)> {
+    let mut sums: Vec<(&str, f64)> = Vec::new();
+    for (name, ms) in &timings.entries {
+        match sums.iter_mut().find(|(known, _)| known == name) {
+            Some((_, sum)) => *sum += ms,
+            None => sums.push((name, *ms)),
+        }
+    }
+    sums
+}
+
+/// One for each name; neighbours differ much.
+fn color(names: &[&str], name: &str) -> Color32 {
+    let place = names.iter().position(|known| *known == name).unwrap_or(0);
+    Hsva::new((0.58 + 0.382 * place as f32).fract(), 0.55, 0.85, 1.0).into()
+}
+
+fn graph(frames: &[FrameTime], names: &[&str], ui: &mut Ui) {
+    let (rect, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 64.0), egui::Sense::hover());
+    let top = frames.iter().map(|frame| frame.wall_ms).fold(1.0, f64::max);
+    let painter = ui.painter_at(rect);
+    painter.rect_filled(rect, 2.0, Color32::from_gray(28));
+    let (width, scale) = (rect.width() / FRAMES as f32, (rect.height() - 2.0) / top as f32);
+    for (place, frame) in frames.iter().enumerate() {
+        let x = egui::Rangef::new(place as f32 * width, (place + 1) as f32 * width);
+        let mut bottom = rect.max.y;
+        let mut part = |ms: f64, color| {
+            let top = bottom - ms as f32 * scale;
+            let corners = [egui::pos2(rect.min.x + x.min, top), egui::pos2(rect.min.x + x.max, bottom)];
+            painter.rect_filled(Rect::from_min_max(corners[0], corners[1]), 0.0, color);
+            bottom = top;
+        };
+        let passes = sums(&frame.timings);
+        let covered: f64 = passes.iter().map(|(_, ms)| ms).sum();
+        for (name, ms) in passes {
+            part(ms, color(names, name));
+        }
+        part((frame.wall_ms - covered).max(0.0), Color32::from_gray(90));
+    }
+    response.on_hover_text("each stacked from its passes in the colours above; grey: the rest of its time");
+    ui.weak(format!("the last {} frames, up to {top:.0} ms", frames.len()));
+}
