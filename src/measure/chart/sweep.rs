@@ -133,6 +133,7 @@ const FULL: &[Values] = &[
     (Method::Iprt, "bounces", &["1", "2", "8"]),
     (Method::Iprt, "relight_levels", &["0", "2"]),
     (Method::Iprt, "relight_width", &["64", "128", "512"]),
+    (Method::Iprt, "fill_unseen", &["true"]),
     (Method::Iprt, "coverage_samples", &["4", "64"]),
     (Method::Iprt, "relighting", &["ratio"]),
     (Method::Paper, "mask_angle", &["5", "20"]),
