@@ -18,7 +18,6 @@ layout(constant_id = 8) const uint FAULT = 0u;
 const uint FAULT_NO_WRAP = 1u;
 const uint FAULT_NO_POLES = 2u;
 const uint FAULT_YAW_FORGOTTEN = 3u;
-const uint FAULT_NO_DISOCCLUSION = 4u;
 const uint FAULT_ENERGY_CLAMP = 5u;
 const uint FAULT_MOTION_OFF = 6u;
 const uint FAULT_RAYS_FROM_BELOW = 7u;

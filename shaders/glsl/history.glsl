@@ -8,7 +8,6 @@ layout(set = 0, binding = 52, rgba32f) uniform readonly image2DArray history_mot
 float history_weight(inout ivec2 q, int layer, vec4 motion, vec3 normal) {
     if (!neighbour(q)) return 0.0;
     vec4 then = imageLoad(history_position, ivec3(q, layer));
-    if (FAULT == FAULT_NO_DISOCCLUSION) return then.w > 0.0 ? 1.0 : 0.0;
     if (then.w <= 0.0 || imageLoad(history_motion, ivec3(q, layer)).w != motion.w) return 0.0;
     if (abs(then.w - motion.z) > 0.03 * motion.z) return 0.0;
     return dot(imageLoad(history_normal, ivec3(q, layer)).xyz, normal) > 0.85 ? 1.0 : 0.0;

@@ -14,8 +14,6 @@ pub enum Fault {
     NoPoles = 2,
     /// Lights are drawn as if the panorama were not turned.
     YawForgotten = 3,
-    /// Any history is taken, whatever surface it was.
-    NoDisocclusion = 4,
     /// Paths that bring more than a little are cut down to it.
     EnergyClamp = 5,
     /// Motion vectors are a pixel off.
@@ -54,7 +52,6 @@ impl Fault {
             Self::NoWrap => &["gbuffer", "depth_pyramid"],
             Self::NoPoles | Self::HolesNear => &["normals"],
             Self::YawForgotten | Self::EnergyClamp | Self::RaysFromBelow => &["irradiance"],
-            Self::NoDisocclusion => &["sampling_mask", "temporal"],
             Self::Drift => &["temporal"],
             Self::MotionOff | Self::RealIgnored | Self::CameraCentred | Self::NarrowColumns => &["gbuffer"],
             Self::NormalsUnturned => &["gbuffer", "irradiance"],
