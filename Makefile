@@ -35,7 +35,7 @@ lint: setup
 
 # The parts of docs/ that are made from code.
 docs: setup
-	IPRT_BLESS=1 cargo test --locked $(SHADERC) --test docs
+	IPRT_BLESS=1 cargo test --locked $(SHADERC) --test headless docs::
 
 setup:
 	scripts/setup

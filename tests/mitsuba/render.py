@@ -1,4 +1,4 @@
-"""Pictures by Mitsuba 3, an independent renderer, that scene truth is compared with (tests/mitsuba.rs).
+"""Pictures by Mitsuba 3, an independent renderer, that scene truth is compared with (tests/headless/mitsuba.rs).
 
     python -m venv V && V/bin/pip install mitsuba numpy
     V/bin/python tests/mitsuba/render.py balls

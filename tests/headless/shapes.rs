@@ -1,8 +1,6 @@
 //! Panoramas of every shape: sizes, holes, steps, distances, places; seen from the capture point and from elsewhere.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Vec3, Vec3Swizzles, vec2, vec3};
 use iprt::{
     gpu::Gpu,

@@ -1,9 +1,7 @@
 //! Scene truth against Mitsuba 3, an independent renderer. `mitsuba/render.py` made the values stored beside it and says how; only
 //! those are read here. Each is the mean of a patch of the view.
 
-mod common;
-
-use common::{fine_ball, lambert, object, validated};
+use crate::common::{fine_ball, lambert, object, validated};
 use glam::Vec3;
 use iprt::{
     gpu::Gpu,
@@ -148,7 +146,7 @@ struct BallShape {
 
 /// The room of `balls.json`.
 fn ball_room() -> CompleteScene {
-    let room: BallRoom = serde_json::from_str(include_str!("mitsuba/balls.json")).expect("a good file");
+    let room: BallRoom = serde_json::from_str(include_str!("../mitsuba/balls.json")).expect("a good file");
     let boxed = |shape: &BoxShape| {
         let material = Material { base_color: shape.base_color, emissive: shape.emissive, ..lambert(0.0) };
         object(Shape::Box.mesh(shape.size), material, shape.at)
@@ -158,7 +156,7 @@ fn ball_room() -> CompleteScene {
         fine_ball(ball.radius, material, ball.at)
     };
     let objects: Vec<Object> = room.boxes.iter().map(boxed).chain(room.balls.iter().map(ball)).collect();
-    let camera = common::camera(room.camera.position, room.camera.look_at, room.camera.fov_y);
+    let camera = crate::common::camera(room.camera.position, room.camera.look_at, room.camera.fov_y);
     let nothing = Arc::new(Model::default());
     CompleteScene::assemble("balls", nothing, camera, objects).expect("a good scene")
 }
@@ -166,7 +164,7 @@ fn ball_room() -> CompleteScene {
 #[test]
 fn metal_and_plastic_are_mitsubas() {
     validated(|gpu| {
-        let theirs = theirs(include_str!("mitsuba/balls_values.json"));
+        let theirs = theirs(include_str!("../mitsuba/balls_values.json"));
         let (unlike, noise) = ours(gpu, &ball_room(), [64, 48], 512).patches(8).unlike(&theirs);
         assert!(unlike.is_empty(), "{unlike:#?}");
         assert!(noise < 0.006, "{noise}");
@@ -198,7 +196,7 @@ fn the_whole_view_of_a_room() {
     validated(|gpu| {
         let scene = CompleteScene::load(&data_room("scene.toml"), false).expect("a good scene");
         let ours = ours(gpu, &scene, [64, 48], 512);
-        let theirs = theirs(include_str!("mitsuba/room_values.json"));
+        let theirs = theirs(include_str!("../mitsuba/room_values.json"));
         let (unlike, noise) = ours.patches(8).unlike(&theirs);
 
         let truth = read(&data_room("truth_with.exr")).and_then(|image| image.into_color("truth")).expect("a picture");

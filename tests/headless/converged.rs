@@ -1,8 +1,6 @@
 //! What converges to the same: shadows wherever the camera looks, light by every way of drawing directions; and a lamp near by to its closed form.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Vec2, Vec3, vec2, vec3};
 use iprt::{
     gpu::Gpu,

@@ -1,9 +1,7 @@
 //! Every sampler draws from the density that it claims: chi-square tests of directions drawn on the device against integrals of
 //! the density over bins.
 
-mod common;
-
-use common::*;
+use crate::{common::*, shaders};
 use glam::{DVec2, DVec3, Vec3, dvec3, vec3};
 use iprt::{
     gpu::{Access, Bind, Gpu, GpuStruct, PassDeclaration, PushLayout, StructLayout, Threads, struct_layout},
@@ -19,11 +17,6 @@ use iprt::{
     settings::{Method, Settings},
 };
 use std::f64::consts::{PI, TAU};
-
-#[allow(dead_code, reason = "each test file uses a part of them")]
-mod shaders {
-    include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
-}
 
 gpu_struct! {
     struct LobePush {

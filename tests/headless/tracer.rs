@@ -3,10 +3,8 @@
 //! Rays within a tolerance of an edge, or of where a skirt ends, or in a triangle's plane, are counted apart: single precision decides them
 //! either way.
 
-mod common;
-mod oracle;
-
-use common::{room, validated};
+use crate::common::{room, validated};
+use crate::oracle::{Oracle, YAW, cross, fault, judge};
 use glam::{DVec3, Vec3, vec3};
 use iprt::{
     gpu::Gpu,
@@ -17,7 +15,6 @@ use iprt::{
     passes::trace_rays::{RayTracer, SURFACE, TracedRay, Tracer},
     settings::{Method, Settings},
 };
-use oracle::{Oracle, YAW, cross, fault, judge};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 

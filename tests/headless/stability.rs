@@ -1,8 +1,6 @@
 //! The stability suite can fail: each case notices the faults that it names, and theory's two predictions come true.
 
-mod common;
-
-use common::validated;
+use crate::common::validated;
 use iprt::{
     settings::Method,
     stability::{Broken, Case, Outcome, Suite, cases},

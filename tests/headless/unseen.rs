@@ -1,8 +1,6 @@
 //! What a camera off the capture point shows where the capture saw nothing: found exactly, and filled from behind.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Vec3, vec3};
 use iprt::settings::Method;
 

@@ -1,8 +1,6 @@
 //! The built-in rooms as they are captured and exported.
 
-mod common;
-
-use common::validated;
+use crate::common::validated;
 use glam::Vec3;
 use iprt::{
     gpu::Gpu,

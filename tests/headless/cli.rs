@@ -1,8 +1,6 @@
 //! The program as users run it: exit codes, one clear line on stderr, files that are what was asked for, no panic.
 
-mod folder;
-
-use folder::Folder;
+use crate::folder::Folder;
 use std::path::Path;
 
 /// A folder with a small scene: a box room, a ball in it.

@@ -1,8 +1,6 @@
 //! The window, on a display of its own (Xvfb), played by scripts, under validation.
 
-mod folder;
-
-use folder::Folder;
+use crate::folder::Folder;
 use glam::Vec3;
 use iprt::{
     passes::display::Look,

@@ -1,8 +1,6 @@
 //! Scene truth against closed forms, against itself by other ways of sampling, and what interruption and many samples do to it.
 
-mod common;
-
-use common::{fine_ball, lambert, object, validated};
+use crate::common::{fine_ball, lambert, object, validated};
 use glam::{Quat, Vec3, vec3};
 use iprt::{
     gpu::Gpu,

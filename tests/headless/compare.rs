@@ -1,8 +1,6 @@
 //! `compare --sequence` as users run it.
 
-mod folder;
-
-use folder::Folder;
+use crate::folder::Folder;
 use iprt::image_file::{ExrLayer, write::write_exr};
 use std::path::Path;
 

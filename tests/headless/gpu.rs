@@ -1,16 +1,12 @@
 //! The Vulkan layer: every test ends by destroying its device and demands no validation message; canaries show that
 //! a missing barrier and a leak would be one. No device or no layer is a failure, never a skip.
 
+use crate::shaders;
 use iprt::{
     Error,
     gpu::{Access, Bind, Format, Gpu, GpuOptions, PassDeclaration, PushLayout, StructLayout, Threads, struct_layout},
     gpu_struct,
 };
-
-#[allow(dead_code, reason = "each test file uses a part of them")]
-mod shaders {
-    include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
-}
 
 gpu_struct! {
     struct AddPush {

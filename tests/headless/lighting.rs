@@ -1,8 +1,6 @@
 //! Light, against closed forms: shadows, furnaces, lamps that are not relit, what is off screen, and the noise's own laws.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Vec3, vec3};
 use iprt::{
     gpu::Gpu,

@@ -1,9 +1,7 @@
 //! `reference --model scene` and `capture` as users run them: from a glTF room to a captured panorama, to a picture of it, to the
 //! truth of that picture.
 
-mod folder;
-
-use folder::Folder;
+use crate::folder::Folder;
 use glam::{Vec3, vec3};
 use iprt::{
     image_file::read::read,

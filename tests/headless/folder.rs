@@ -1,5 +1,4 @@
 //! A folder in which `iprt` is run as users run it.
-#![allow(dead_code, reason = "each test file uses a part of it")]
 
 use std::{
     path::{Path, PathBuf},

@@ -1,8 +1,6 @@
 //! The frame: what must not change does not, bits repeat, rays are saved, hazards are found, surfaces hide each other and move.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Vec3, vec2, vec3};
 use iprt::{
     Error,

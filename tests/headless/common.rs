@@ -1,5 +1,4 @@
 //! What the tests of the renderer share: the device under validation, small scenes in memory, frames of them.
-#![allow(dead_code, reason = "each test file uses a part of it")]
 
 use glam::{Vec3, vec3};
 use iprt::{

@@ -1,9 +1,7 @@
 //! What must hold whatever the scene: the picture without influence, the turned panorama, light that is a polynomial of
 //! direction.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Mat3, Vec3, vec2, vec3};
 use iprt::{
     options::RenderOptions,

@@ -1,8 +1,6 @@
 //! Scene truth where light arrives only after five bounces, or after any number of them, against values computed here.
 
-mod common;
-
-use common::{lambert, object, validated};
+use crate::common::{lambert, object, validated};
 use glam::{Quat, Vec3, dvec2, vec3};
 use iprt::{
     gpu::Gpu,

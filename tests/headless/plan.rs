@@ -1,9 +1,7 @@
 //! The plan: what it leaves out cannot be seen and would cost something; what it keeps is seen where it is missing. For each of its
 //! parts, in the built-in rooms and in scenes made for it.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Vec3, vec3};
 use iprt::{
     gpu::{Gpu, Timings},

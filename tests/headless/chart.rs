@@ -1,8 +1,6 @@
 //! `chart`: what it measures is measured once, truths are kept and checked, and what it writes can be read.
 
-mod common;
-
-use common::{ball, camera, lambert, options, room, scene, validated};
+use crate::common::{ball, camera, lambert, options, room, scene, validated};
 use glam::{Vec3, vec3};
 use iprt::{
     Error,
@@ -201,7 +199,7 @@ fn check_kept(gpu: &Gpu, case: &Case, options: &ChartOptions, chart: &Chart, cac
     let asked = |set: &[(&str, &str)]| {
         let coarse = COARSE.map(|(name, value)| (name, value.to_string()));
         let set: Vec<_> = coarse.iter().map(|(k, v)| (*k, v.as_str())).chain(set.iter().copied()).collect();
-        let options = RenderOptions { size: [480, 360], ..common::options(Method::Paper, &set) };
+        let options = RenderOptions { size: [480, 360], ..crate::common::options(Method::Paper, &set) };
         Store::of(gpu, &case.scene, &options, case.scene.render.exposure, Some(cache)).expect("a key").load()
     };
     let keep =

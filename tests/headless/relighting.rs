@@ -1,8 +1,6 @@
 //! Relighting: where there is next to no light, by what is seen of relit surfaces, and at contacts.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Vec3, vec3};
 use iprt::{
     gpu::Gpu,

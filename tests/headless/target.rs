@@ -1,8 +1,6 @@
 //! `--target-flip` and `--target-ms` as users give them: chosen from measured points, measured once, and the same as `--set`.
 
-mod folder;
-
-use folder::Folder;
+use crate::folder::Folder;
 use std::{fs, path::PathBuf};
 
 /// A box room with bright panels and a ball in it. What is given is not tried: five candidates are left.

@@ -1,8 +1,6 @@
 //! Methods are settings: each way of doing a thing against the other, alone.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Vec3, vec3};
 use iprt::{
     gpu::Gpu,

@@ -1,0 +1,44 @@
+//! The tests of what the program promises, one file per thing promised, linked into one binary. All of them run without
+//! a screen; those of the window start an X server without one. `cargo test` runs them as threads of one process, so no
+//! test may change the process: its environment, its working folder.
+//!
+//! The tests of one file: `cargo nextest run renderer::` or `cargo test --test headless renderer::`.
+
+mod bounces;
+mod bvh;
+mod chart;
+mod cli;
+mod common;
+mod compare;
+mod converged;
+mod devices;
+mod docs;
+mod folder;
+mod gltf;
+mod gpu;
+mod identities;
+mod lighting;
+mod methods;
+mod mitsuba;
+mod oracle;
+mod panorama_io;
+mod path_trace;
+mod plan;
+mod relighting;
+mod renderer;
+mod rooms;
+mod samplers;
+mod scene;
+mod shapes;
+mod stability;
+mod target;
+mod tracer;
+mod truth;
+mod truth_cli;
+mod unseen;
+mod view;
+
+/// SPIR-V of `tests/glsl/*.comp`.
+mod shaders {
+    include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
+}
