@@ -14,14 +14,14 @@ use std::path::Path;
 
 /// What an output's name asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum FileKind {
     /// 8-bit sRGB.
     Png,
     /// Linear float.
     Exr,
 }
 
-impl Kind {
+impl FileKind {
     /// From the extension.
     pub fn of(path: &Path) -> Result<Self> {
         match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
@@ -37,13 +37,13 @@ pub fn write(
     renderer: &Renderer,
     scene: &Scene,
     path: &Path,
-    kind: Kind,
+    kind: FileKind,
     exposure: f32,
     aovs: &[String],
 ) -> Result<()> {
     let size = renderer.options().size;
     let mut picture = renderer.picture()?;
-    if kind == Kind::Png {
+    if kind == FileKind::Png {
         // saturated texels that were raised on loading come down again
         for texel in &mut picture {
             let color = scene.panorama.for_display(Vec3::new(texel[0], texel[1], texel[2]));

@@ -1,4 +1,4 @@
-//! `iprt bench`: GPU time of every pass.
+//! `iprt bench` measures the GPU time of every pass.
 
 use super::{
     common::{PictureArgs, parse_frames, parse_size, progress},
@@ -22,13 +22,14 @@ pub struct Args {
     /// Frames A..B to measure, both included
     #[arg(long, value_name = "A..B", default_value = "0..29")]
     pub frames: String,
-    /// Frames run before A, A held still
+    /// Number of frames that are run before frame A, held at A
     #[arg(long, default_value_t = 5)]
     pub warmup: u32,
-    /// Measure the panorama's tracer instead: million rays a second, by kind of ray and size of the depth map
+    /// Measure the panorama's tracer instead, in million rays a second, by kind of ray and by size of the
+    /// depth map
     #[arg(long, conflicts_with_all = ["frames", "warmup", "csv", "trace", "target_ms", "target_flip"])]
     pub rays: bool,
-    /// Sizes that the depth map is resampled to for --rays
+    /// Sizes to which --rays resamples the depth map
     #[arg(
         long,
         value_name = "WxH,…",
@@ -37,7 +38,7 @@ pub struct Args {
         default_value = "512x256,1024x512,4096x2048"
     )]
     pub depth_sizes: Vec<String>,
-    /// How often each kind of ray is traced at each size for --rays
+    /// How often --rays traces each kind of ray at each size
     #[arg(long, value_name = "N", requires = "rays", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
     /// Write the numbers as JSON
@@ -51,7 +52,7 @@ pub struct Args {
     pub trace: Option<PathBuf>,
 }
 
-/// Measures, prints the table, writes the files.
+/// Measures, prints the table, and writes the files.
 pub fn run(args: &Args) -> Result<()> {
     if args.rays {
         return run_rays(args);

@@ -1,4 +1,4 @@
-//! `iprt capture`: the RGBD panorama of a room whose geometry is known, and a scene file that uses it.
+//! `iprt capture` writes the RGBD panorama of a room whose geometry is known, and a scene file that uses it.
 
 use super::{
     common::{DeviceArgs, parse_frames, parse_size, progress},
@@ -16,7 +16,7 @@ use std::{
     sync::Arc,
 };
 
-/// The scene file's name in the output folder.
+/// Name of the scene file in the output folder.
 const SCENE_FILE: &str = "scene.toml";
 
 /// Arguments of `iprt capture`.
@@ -24,25 +24,27 @@ const SCENE_FILE: &str = "scene.toml";
 pub struct Args {
     /// The room: a .glb or .gltf file, or a built-in room's name
     pub room: String,
-    /// Folder for color.exr, depth.exr, scene.toml and a built-in room's room.glb; made where it does not exist
+    /// Folder for color.exr, depth.exr, scene.toml and a built-in room's room.glb; it is made if it does not
+    /// exist
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Samples a texel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub spp: u32,
-    /// The capture point, world, metres [default: a built-in room's own; else the middle of the room's bounds]
+    /// The capture point in world metres [default: a built-in room's own, otherwise the middle of the room's
+    /// bounds]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub position: Option<String>,
     /// Size of both images
     #[arg(long, value_name = "WxH", default_value = "2048x1024")]
     pub size: String,
-    /// Frames 0..B of a video of an animated room, both included; files are numbered
+    /// Frames 0..B of a video of an animated room, both included; the files are numbered
     #[arg(long, value_name = "0..B")]
     pub frames: Option<String>,
     /// Frames a second
     #[arg(long, default_value_t = 30.0)]
     pub fps: f64,
-    /// Filter the noise of the light; slightly biased where light changes fast
+    /// Filter the noise of the light; this is slightly biased where the light changes fast
     #[arg(long)]
     pub denoise: bool,
     /// Seed of all random numbers
@@ -50,12 +52,12 @@ pub struct Args {
     pub seed: u32,
     #[command(flatten)]
     pub device: DeviceArgs,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
 }
 
-/// Captures and writes; the scene file last.
+/// Captures and writes the panorama, and then the scene file.
 pub fn run(args: &Args) -> Result<()> {
     let size = parse_size(&args.size)?;
     if size[0] != size[1].saturating_mul(2) || size[1] == 0 || size[0] > 16384 {
@@ -86,8 +88,8 @@ pub fn run(args: &Args) -> Result<()> {
     let scene = args.output.join(SCENE_FILE);
     require_folder(&scene)?;
     let file = match source {
-        Source::File(path) => path,
-        Source::BuiltIn(model) => {
+        RoomSource::File(path) => path,
+        RoomSource::BuiltIn(model) => {
             let path = args.output.join(ROOM_FILE);
             write_bytes(&path, &gltf::export::to_glb(&model)?)?;
             path
@@ -107,17 +109,17 @@ pub fn run(args: &Args) -> Result<()> {
     args.device.close(gpu)
 }
 
-/// Where a room comes from: a built-in one is written beside its panorama.
-enum Source {
+/// Where a room comes from. A built-in room is written beside its panorama.
+enum RoomSource {
     File(PathBuf),
     BuiltIn(Arc<Model>),
 }
 
-/// The room and where it is usually captured from.
-fn open(args: &Args) -> Result<(CompleteScene, Source, Vec3)> {
+/// The room, and the point that it is usually captured from.
+fn open(args: &Args) -> Result<(CompleteScene, RoomSource, Vec3)> {
     if let Some(room) = rooms::by_name(&args.room) {
         let scene = CompleteScene::assemble(room.name, room.model.clone(), room.camera, Vec::new())?;
-        return Ok((scene, Source::BuiltIn(room.model), room.capture_position));
+        return Ok((scene, RoomSource::BuiltIn(room.model), room.capture_position));
     }
     let path = Path::new(&args.room);
     let (model, mut warnings) = gltf::load(path)?;
@@ -130,7 +132,7 @@ fn open(args: &Args) -> Result<(CompleteScene, Source, Vec3)> {
         return Err(Error::input(path.display(), "holds no triangles", "give the model of a room"));
     }
     let middle = bounds.center();
-    Ok((scene, Source::File(path.to_owned()), middle))
+    Ok((scene, RoomSource::File(path.to_owned()), middle))
 }
 
 fn parse_position(text: &str) -> Result<Vec3> {

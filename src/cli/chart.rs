@@ -1,4 +1,4 @@
-//! `iprt chart`: speed against accuracy.
+//! `iprt chart` charts speed against accuracy.
 
 use super::common::{DeviceArgs, complete, interrupted, open_scene, parse_projection, parse_size};
 use crate::{
@@ -6,7 +6,7 @@ use crate::{
     image_file::write::write_bytes,
     measure::{
         self,
-        chart::{Case, ChartOptions, Sweep, markdown, run::file_name},
+        chart::{ChartInput, ChartOptions, Sweep, markdown, pictures::file_name},
     },
     reference::{cache::Keep, capture::cache_folder},
     scene::rooms,
@@ -22,10 +22,11 @@ use std::{
 pub struct Args {
     /// Scene files or built-in rooms; all built-in rooms by default
     pub scenes: Vec<String>,
-    /// The folder of the chart, which is made where it does not exist; a chart that is there is gone on with
+    /// Folder of the chart; it is made if it does not exist, and a chart in it is continued
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// methods: the methods alone; small: the main settings; full: every setting
+    /// Which points to measure: methods (the methods alone), small (the main settings too) or full (every
+    /// setting too)
     #[arg(long, default_value = "full")]
     pub sweep: String,
     /// Picture size [default: 320x180; 160x90 for small]
@@ -34,19 +35,20 @@ pub struct Args {
     /// perspective or equirect
     #[arg(long, default_value = "perspective")]
     pub projection: String,
-    /// The video frame that pictures show
+    /// The video frame that the pictures show
     #[arg(long, default_value_t = 0)]
     pub frame: u32,
-    /// Frames after which a still picture is looked at [default: 1,16,64; 1,16 for small]
+    /// Numbers of frames after which a still picture is scored [default: 1,16,64; 1,16 for small]
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
     pub looks: Vec<u32>,
-    /// Frames of the moving scene before its picture is looked at; 0: none is
+    /// Number of frames of the moving scene before its picture is scored; with 0 nothing moves
     #[arg(long, value_name = "N", default_value_t = 16)]
     pub moving: u32,
-    /// How often each point's time is taken, all points in turn [default: 3; 2 for small]
+    /// How often each point is timed, with all points in turn [default: 3; 2 for small]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub rounds: Option<u32>,
-    /// Samples a pixel of the truths: of the model, and of the true scene with objects and without [default: 256; 128 for small]
+    /// Samples a pixel of each truth: the model's, and the true scene's with objects and without [default:
+    /// 256; 128 for small]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1 << 20))]
     pub truth_spp: Option<u32>,
     /// Put the tables into a Markdown document, between its marks for the sweep
@@ -57,12 +59,12 @@ pub struct Args {
     pub seed: u32,
     #[command(flatten)]
     pub device: DeviceArgs,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
 }
 
-/// Measures and writes.
+/// Measures the chart and writes its files.
 pub fn run(args: &Args) -> Result<()> {
     let sweep = Sweep::parse(&args.sweep, "--sweep")?;
     let options = options(args, sweep)?;
@@ -72,31 +74,31 @@ pub fn run(args: &Args) -> Result<()> {
     measure::chart::run::make_folder(&args.output)?;
     let names = if args.scenes.is_empty() { rooms::NAMES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
     let gpu = args.device.open()?;
-    let cases = names
+    let inputs = names
         .iter()
         .map(|name| {
             let scene = open_scene(&gpu, Some(name), args.quiet)?;
             let known = scene.room.is_some() || rooms::by_name(name).is_some();
             let truth = known.then(|| Ok([complete(name, false)?, complete(name, true)?]));
-            Ok(Case { name: label(name), scene, complete: truth.transpose()? })
+            Ok(ChartInput { name: label(name), scene, complete: truth.transpose()? })
         })
         .collect::<Result<Vec<_>>>()?;
-    if let Some(twice) = cases
+    if let Some(twice) = inputs
         .iter()
         .enumerate()
-        .find(|(i, case)| cases[..*i].iter().any(|c| file_name(&c.name) == file_name(&case.name)))
+        .find(|(i, input)| inputs[..*i].iter().any(|c| file_name(&c.name) == file_name(&input.name)))
     {
         let problem = format!("two scenes are called \"{}\", or files of both would be", twice.1.name);
         return Err(Error::input("SCENE", problem, "rename a file or its folder"));
     }
-    let mut progress = Progress::new(args.quiet, options.work(&cases));
+    let mut progress = Progress::new(args.quiet, options.work(&inputs));
     let cache = cache_folder();
     let keep = Keep { folder: cache.as_deref(), stop: interrupted() };
-    let chart = measure::chart::run(&gpu, &cases, &options, &args.output, keep, &mut |work, what| {
+    let chart = measure::chart::run(&gpu, &inputs, &options, &args.output, keep, &mut |work, what| {
         progress.show(work, what);
     })?;
     progress.bar.finish_and_clear();
-    measure::chart::keep_sheets(&gpu, &cases, &options, &chart, cache.as_deref())?;
+    measure::chart::keep_sheets(&gpu, &inputs, &options, &chart, cache.as_deref())?;
     write_bytes(&args.output.join("chart.csv"), chart.csv().as_bytes())?;
     chart.write_figure(&args.output)?;
     chart.write_page(&args.output)?;
@@ -132,7 +134,7 @@ fn options(args: &Args, sweep: Sweep) -> Result<ChartOptions> {
     })
 }
 
-/// A scene file's stem, or its folder's name where that says more.
+/// The stem of a scene file, or the name of its folder where that says more.
 fn label(name: &str) -> String {
     let path = Path::new(name);
     let text = |part: Option<&std::ffi::OsStr>| part.map(|part| part.to_string_lossy().into_owned());
@@ -142,7 +144,8 @@ fn label(name: &str) -> String {
     }
 }
 
-/// A bar with the time left; where standard error is no terminal, a line whenever something else is begun.
+/// A progress bar with the time left. Where standard error is not a terminal, it prints a line whenever
+/// something new is begun.
 struct Progress {
     bar: ProgressBar,
     lines: bool,
@@ -167,7 +170,7 @@ impl Progress {
         self.bar.set_message(what.to_owned());
         if self.lines {
             let percent = 100 * self.bar.position() / self.bar.length().unwrap_or(0).max(1);
-            // before that it is a guess from very little
+            // An earlier estimate would be a guess from very little.
             let left = if percent < 2 { String::new() } else { format!(" ({} left)", HumanDuration(self.bar.eta())) };
             eprintln!("{percent} %: {what}{left}");
         }

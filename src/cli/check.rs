@@ -1,4 +1,4 @@
-//! `iprt check SCENE`: reads everything that a scene names and reports every problem at once.
+//! `iprt check SCENE` reads everything that a scene names, and reports every problem at once.
 
 use crate::{Error, Result, scene::Scene};
 use std::path::PathBuf;
@@ -10,10 +10,11 @@ pub struct Args {
     pub scene: PathBuf,
 }
 
-/// Prints each problem and warning on a line of its own.
+/// Prints each problem and each warning on a line of its own.
 ///
 /// # Errors
-/// The scene has problems: all but the last are printed here, the last is returned for the caller to print.
+/// Fails if the scene has problems. All but the last are printed here. The last one is the error, for the
+/// caller to print.
 pub fn run(args: &Args) -> Result<()> {
     let (mut problems, warnings) = Scene::problems(&args.scene);
     for warning in &warnings {

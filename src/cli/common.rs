@@ -1,4 +1,4 @@
-//! Flags that several subcommands share, and what they make of them.
+//! Flags that several subcommands share, and what is made of them.
 
 use crate::{
     Error, Result,
@@ -14,13 +14,13 @@ use std::{
     sync::atomic::{AtomicBool, Ordering},
 };
 
-/// The device.
+/// The flags of the device.
 #[derive(Clone, Debug, clap::Args)]
 pub struct DeviceArgs {
-    /// Vulkan device, by its number or a part of its name (see `iprt devices`)
+    /// The Vulkan device, by its number or a part of its name (see `iprt devices`)
     #[arg(long, env = "IPRT_DEVICE", value_name = "N|NAME")]
     pub device: Option<String>,
-    /// Run under Vulkan validation, synchronization included; any message is an error
+    /// Run under Vulkan validation, with synchronization; any message is an error
     #[arg(long, env = "IPRT_VALIDATION", value_parser = clap::builder::FalseyValueParser::new())]
     pub validation: bool,
 }
@@ -31,7 +31,7 @@ impl DeviceArgs {
         Gpu::new(&GpuOptions { device: self.device.clone(), validation: self.validation })
     }
 
-    /// Closes it; under validation, every message is shown and is an error.
+    /// Closes the device. Under validation every message is shown, and is an error.
     pub fn close(&self, gpu: Gpu) -> Result<()> {
         if !self.validation {
             return Ok(());
@@ -47,15 +47,15 @@ impl DeviceArgs {
     }
 }
 
-/// The picture to make.
+/// The flags of the picture.
 #[derive(Clone, Debug, clap::Args)]
 pub struct PictureArgs {
-    /// A scene file, or a built-in room; the built-in `apartment` by default
+    /// A scene file or a built-in room [default: apartment]
     pub scene: Option<String>,
-    /// Picture size; the scene's by default
+    /// Picture size [default: the scene's]
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
-    /// iprt, paper, ibl or reference; the scene's by default
+    /// The method: iprt, paper, ibl or reference [default: the scene's]
     #[arg(long)]
     pub method: Option<String>,
     /// A setting of the method, as key=value; may be repeated (see docs/methods.md)
@@ -64,7 +64,7 @@ pub struct PictureArgs {
     /// perspective or equirect
     #[arg(long, default_value = "perspective")]
     pub projection: String,
-    /// Leave the virtual objects out
+    /// Leave out the virtual objects
     #[arg(long)]
     pub without_objects: bool,
     /// Seed of all random numbers
@@ -72,13 +72,14 @@ pub struct PictureArgs {
     pub seed: u32,
     #[command(flatten)]
     pub device: DeviceArgs,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
 }
 
 impl PictureArgs {
-    /// Reads the scene and shows its warnings. A built-in room is captured on `gpu` when it is first used.
+    /// Reads the scene and shows its warnings. A built-in room is captured on `gpu` when it is used for the
+    /// first time.
     pub fn scene(&self, gpu: &Gpu) -> Result<Scene> {
         let scene = open_scene(gpu, self.scene.as_deref(), self.quiet)?;
         if !self.quiet {
@@ -89,7 +90,8 @@ impl PictureArgs {
         Ok(scene)
     }
 
-    /// What to render, from the scene file first and the flags over it; `converged`: by accumulation, whatever the method.
+    /// What to render: the scene file's options, and over them the flags. `converged` asks for a picture that
+    /// accumulates, whatever the method.
     pub fn options(&self, scene: &Scene, converged: bool) -> Result<RenderOptions> {
         let method = match &self.method {
             Some(name) => Method::parse(name, "--method")?,
@@ -113,17 +115,17 @@ impl PictureArgs {
 }
 
 impl PictureArgs {
-    /// `--projection`.
+    /// The projection that `--projection` names.
     pub fn projection(&self) -> Result<Projection> {
         parse_projection(&self.projection)
     }
 
-    /// `--size`, the scene's own where it is not given.
+    /// The size that `--size` gives, or else the scene's own.
     pub fn size(&self, of_scene: [u32; 2]) -> Result<[u32; 2]> {
         self.size.as_deref().map_or(Ok(of_scene), parse_size)
     }
 
-    /// The complete true scene of a scene file that names its room, or of a built-in room.
+    /// The complete true scene of a built-in room, or of a scene file that names its room.
     pub fn complete_scene(&self) -> Result<CompleteScene> {
         let scene = complete(self.scene.as_deref().unwrap_or(rooms::NAMES[0]), self.without_objects)?;
         if !self.quiet {
@@ -134,13 +136,13 @@ impl PictureArgs {
         Ok(scene)
     }
 
-    /// Whether there is one.
+    /// Whether the complete true scene is known.
     pub fn room_known(&self, scene: &Scene) -> bool {
         scene.room.is_some() || self.scene.as_deref().is_none_or(|name| rooms::by_name(name).is_some())
     }
 }
 
-/// The built-in scene where none is named, a built-in room by name, or a scene file.
+/// Opens a scene file or a built-in room by name. Without a name it opens the default room.
 pub fn open_scene(gpu: &Gpu, name: Option<&str>, quiet: bool) -> Result<Scene> {
     let name = name.unwrap_or(rooms::NAMES[0]);
     if let Some(room) = rooms::by_name(name) {
@@ -152,7 +154,7 @@ pub fn open_scene(gpu: &Gpu, name: Option<&str>, quiet: bool) -> Result<Scene> {
 /// The complete true scene of a built-in room or of a scene file.
 ///
 /// # Errors
-/// A scene file that does not name its room.
+/// Fails if the scene file does not name its room.
 pub fn complete(name: &str, without_objects: bool) -> Result<CompleteScene> {
     match rooms::by_name(name) {
         Some(room) => {
@@ -163,7 +165,7 @@ pub fn complete(name: &str, without_objects: bool) -> Result<CompleteScene> {
     }
 }
 
-/// `perspective` or `equirect`.
+/// Reads `perspective` or `equirect`.
 pub fn parse_projection(name: &str) -> Result<Projection> {
     match name {
         "perspective" => Ok(Projection::Perspective),
@@ -172,7 +174,7 @@ pub fn parse_projection(name: &str) -> Result<Projection> {
     }
 }
 
-/// `WxH`.
+/// Reads a size like `WxH`.
 pub fn parse_size(text: &str) -> Result<[u32; 2]> {
     let parse = || {
         let (width, height) = text.split_once(['x', 'X', '×'])?;
@@ -183,7 +185,7 @@ pub fn parse_size(text: &str) -> Result<[u32; 2]> {
         .ok_or_else(|| Error::input("--size", format!("\"{text}\" is no size"), "write for example --size 1280x720"))
 }
 
-/// `key=value` of `--set`.
+/// Reads `key=value` of `--set`.
 pub fn key_value(pair: &str) -> Result<(&str, &str)> {
     let (key, value) = pair.split_once('=').ok_or_else(|| {
         Error::input("--set", format!("\"{pair}\" is not key=value"), "write for example --set atrous_levels=3")
@@ -191,7 +193,7 @@ pub fn key_value(pair: &str) -> Result<(&str, &str)> {
     Ok((key.trim(), value.trim()))
 }
 
-/// `A..B`, both included, or one number.
+/// Reads `A..B`, both included, or one number.
 pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
     let parse = || match text.split_once("..") {
         Some((a, b)) => Some([a.trim().parse().ok()?, b.trim().trim_start_matches('=').parse().ok()?]),
@@ -210,7 +212,8 @@ pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
 /// Whether Ctrl-C is left to [`interrupted`].
 static KEEPS: AtomicBool = AtomicBool::new(false);
 
-/// Set by Ctrl-C and by a polite `kill`: what is in flight is finished and what was done is kept.
+/// A flag that Ctrl-C and a polite `kill` set. The frame in flight is then finished, and what was done is
+/// kept.
 pub fn interrupted() -> &'static AtomicBool {
     static STOP: AtomicBool = AtomicBool::new(false);
     KEEPS.store(true, Ordering::Relaxed);
@@ -226,12 +229,12 @@ pub fn interrupted() -> &'static AtomicBool {
     &STOP
 }
 
-/// What follows ends at once on Ctrl-C, as it does where nobody asked for [`interrupted`].
+/// Lets Ctrl-C end the program at once again, as it does before [`interrupted`] is called.
 pub fn nothing_to_keep() {
     KEEPS.store(false, Ordering::Relaxed);
 }
 
-/// A progress bar on standard error; hidden where it is not a terminal or `quiet`.
+/// A progress bar on standard error. It is hidden if `quiet` is set or standard error is not a terminal.
 pub fn progress(quiet: bool, length: u64, what: &str) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();

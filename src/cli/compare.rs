@@ -1,4 +1,4 @@
-//! `iprt compare`: how far a picture is from the truth.
+//! `iprt compare` measures how far a picture is from the truth.
 
 use crate::{
     Error, Result,
@@ -16,18 +16,19 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// The picture (.exr, .png, .jpg, .hdr), or a %04d pattern with --sequence
     pub test: PathBuf,
-    /// What it should be
+    /// The picture that TEST should be, or a pattern with --sequence
     pub truth: PathBuf,
-    /// Only where this picture is bright (at least ½); a pattern for a mask a frame
+    /// Compare only where this picture is bright (at least ½); a pattern gives each frame its own mask
     #[arg(long, value_name = "PNG")]
     pub mask: Option<PathBuf>,
     /// Factor on radiance before display, for PSNR, SSIM and FLIP
     #[arg(long, default_value_t = 1.0)]
     pub exposure: f32,
-    /// Write FLIP's error of each pixel: black none, white most; a pattern with --sequence
+    /// Write FLIP's error of each pixel, from black (none) to white (most); a pattern with --sequence
     #[arg(long, value_name = "PNG")]
     pub diff: Option<PathBuf>,
-    /// TEST and TRUTH are successive frames: flicker, lag, ghosts, too; a TRUTH without a number is every frame's
+    /// Compare successive frames, with flicker, lag and ghosts; a TRUTH without a number is the truth of
+    /// every frame
     #[arg(long)]
     pub sequence: bool,
     /// Print the numbers as JSON
@@ -62,7 +63,7 @@ pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
     super::print(&serde_json::to_string(value).map_err(|e| Error::Internal(e.to_string()))?)
 }
 
-/// FLIP's error of each pixel as a grey PNG.
+/// Writes FLIP's error of each pixel as a grey PNG.
 pub(super) fn write_diff(path: &Path, test: Picture, truth: Picture, exposure: f32) -> Result<()> {
     let codes: Vec<u8> =
         flip_map(test, truth, exposure)?.iter().map(|e| (e.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
@@ -73,14 +74,14 @@ pub(super) fn color(path: &Path) -> Result<ColorImage> {
     read(path)?.into_color(&path.display().to_string())
 }
 
-/// The bright half of a mask.
+/// Reads the bright half of a mask.
 pub(super) fn region(path: &Path, size: [u32; 2]) -> Result<Vec<bool>> {
     let image = read(path)?.into_color(&path.display().to_string())?;
     if image.size != size {
         let problem = format!("is {}×{}, the pictures are {}×{}", image.size[0], image.size[1], size[0], size[1]);
         return Err(Error::input(path.display(), problem, "give a mask of their size"));
     }
-    // half of the code, decoded from sRGB
+    // For an LDR mask it is half of the sRGB code, decoded.
     Ok(image.texels.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0 >= if image.ldr { 0.214 } else { 0.5 }).collect())
 }
 

@@ -1,33 +1,34 @@
-//! `iprt compare --sequence`: how far successive frames are from the truth, each and over time.
+//! `iprt compare --sequence` measures how far successive frames are from the truth, each frame for itself and
+//! all of them over time.
 
 use super::compare::{Args, color, print_json, region, table, write_diff};
 use crate::{
     Error, Result,
-    image_file::{ExrLayer, Image, read::read},
+    image_file::{ExrLayer, FileImage, read::read},
     measure::{
         metrics::{Metrics, Picture, compare},
         motion::{Seen, motion},
-        temporal::{Frames, Lag, Temporal, compare_sequence},
+        sequence::{Lag, Sequence, TemporalMetrics, compare_sequence},
     },
     panorama::pattern::Pattern,
 };
 use serde::Serialize;
 use std::path::Path;
 
-/// What `--json` prints.
+/// The content that `--json` prints.
 #[derive(Serialize)]
-struct Report {
-    temporal: Temporal,
-    /// Did the test's files say where pixels come from?
+struct SequenceReport {
+    temporal: TemporalMetrics,
+    /// Whether the test's files say where pixels come from.
     motion: bool,
     mean: Metrics,
-    /// Of the largest FLIP.
-    worst: Frame,
-    frames: Vec<Frame>,
+    /// The frame with the largest FLIP.
+    worst: FrameMetrics,
+    frames: Vec<FrameMetrics>,
 }
 
 #[derive(Clone, Serialize)]
-struct Frame {
+struct FrameMetrics {
     frame: u32,
     #[serde(flatten)]
     metrics: Metrics,
@@ -55,11 +56,11 @@ pub fn run(args: &Args) -> Result<()> {
         let shown = Picture { subject: &names[0], size, texels: &image.texels };
         let should = Picture { subject: &names[1], size: wanted.size, texels: &wanted.texels };
         let inside = mask_files.as_ref().map(|files| region(&files.file(frame), wanted.size)).transpose()?;
-        frames.push(Frame { frame, metrics: compare(shown, should, inside.as_deref(), args.exposure)? });
+        frames.push(FrameMetrics { frame, metrics: compare(shown, should, inside.as_deref(), args.exposure)? });
         if let Some(files) = &diff_files {
             write_diff(&files.file(frame), shown, should, args.exposure)?;
         }
-        // Over time count the pixels that any frame's mask holds.
+        // The metrics over time count the pixels that the mask of any frame holds.
         mask = match (mask.take(), inside) {
             (Some(all), Some(inside)) => Some(union(all, &inside)),
             (_, inside) => inside,
@@ -75,8 +76,8 @@ pub fn run(args: &Args) -> Result<()> {
 
     let subjects = [&args.test, &args.truth].map(|path| path.display().to_string());
     let temporal = compare_sequence(
-        Frames { subject: &subjects[0], size, frames: &test },
-        Frames { subject: &subjects[1], size, frames: &truth },
+        Sequence { subject: &subjects[0], size, frames: &test },
+        Sequence { subject: &subjects[1], size, frames: &truth },
         ways.as_deref(),
         mask.as_deref(),
         args.exposure,
@@ -86,11 +87,11 @@ pub fn run(args: &Args) -> Result<()> {
     let (Some(mean), Some(worst)) = (Metrics::mean(&metrics), worst) else {
         return Err(Error::Internal("a sequence without frames".into()));
     };
-    let report = Report { temporal, motion: ways.is_some(), mean, worst, frames };
+    let report = SequenceReport { temporal, motion: ways.is_some(), mean, worst, frames };
     if args.json { print_json(&report) } else { super::print(&text(&report)) }
 }
 
-/// The frames' numbers: those of the test, which the truth must have too.
+/// The numbers of the test's frames. The truth must have them too.
 fn numbers(test: &Path, test_files: &Pattern, truth: &Path, truth_files: &Pattern) -> Result<Vec<u32>> {
     if !test_files.is_sequence() {
         return Err(Error::input(test.display(), "is one picture", "give a pattern, as frame_%04d.exr, to --sequence"));
@@ -134,16 +135,16 @@ impl Layers {
 fn read_frame(path: &Path) -> Result<(crate::image_file::ColorImage, Option<Layers>)> {
     let image = read(path)?;
     let layers = match &image {
-        Image::Exr(layers) => {
+        FileImage::Exr(layers) => {
             let named = |name: &str| layers.iter().find(|layer| layer.name == name).and_then(texels);
             named("motion").map(|motion| Layers { motion, position: named("position") })
         }
-        Image::Raster(_) => None,
+        FileImage::Raster(_) => None,
     };
     Ok((image.into_color(&path.display().to_string())?, layers))
 }
 
-/// Its channels R, G, B and A.
+/// The channels R, G, B and A of a layer.
 fn texels(layer: &ExrLayer) -> Option<Vec<[f32; 4]>> {
     let [r, g, b, a] = ["R", "G", "B", "A"].map(|name| layer.channel(name));
     let (r, g, b, a) = (r?, g?, b?, a?);
@@ -155,7 +156,7 @@ fn union(mut all: Vec<bool>, more: &[bool]) -> Vec<bool> {
     all
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &SequenceReport) -> String {
     let t = &report.temporal;
     let lag = match t.lag {
         Lag::Frames(frames) => format!("{frames} frames"),

@@ -1,4 +1,4 @@
-//! `iprt devices`: what there is to run on.
+//! `iprt devices` lists the devices to run on.
 
 use crate::{
     Error, Result,
@@ -8,15 +8,15 @@ use crate::{
 /// Arguments of `devices`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Prints JSON: an array of {index, name, driver, api_version, kind, usable, problems}
+    /// Print JSON: an array of {index, name, driver, api_version, kind, usable, problems}
     #[arg(long)]
     pub json: bool,
 }
 
-/// Lists every device, then fails if none is usable.
+/// Lists every device.
 ///
 /// # Errors
-/// [`Error::NoDevice`] without a loader, a driver, or a usable device.
+/// Fails with [`Error::NoDevice`] if there is no loader, no driver or no usable device.
 pub fn run(args: &Args) -> Result<()> {
     let adapters = adapter::list()?;
     let default = adapter::choose(&adapters, None);

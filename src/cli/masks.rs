@@ -1,4 +1,4 @@
-//! `iprt masks`: the regions that errors are told apart by.
+//! `iprt masks` writes the regions by which errors are reported.
 
 use super::common::{PictureArgs, parse_frames, progress};
 use crate::{
@@ -14,21 +14,22 @@ use std::{fs, path::PathBuf};
 pub struct Args {
     #[command(flatten)]
     pub picture: PictureArgs,
-    /// The folder for virtual.png and influenced.png, which is made where it does not exist
+    /// Folder for virtual.png and influenced.png; it is made if it does not exist
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// The truth: panorama, the converged model of iprt, or scene, the complete true scene [default: scene where its room is known]
+    /// Which truth to use: panorama (the converged model of iprt) or scene (the complete true scene)
+    /// [default: scene if its room is known]
     #[arg(long)]
     pub model: Option<String>,
     /// Paths a pixel of the truth [default: 64 with --model scene, 256 with panorama]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub spp: Option<u32>,
-    /// Which frame
+    /// The number of the frame
     #[arg(long, default_value = "0")]
     pub frame: String,
 }
 
-/// Converges the truth with the objects and without, and writes.
+/// Computes the truth with the objects and without, and writes the masks.
 pub fn run(args: &Args) -> Result<()> {
     if args.picture.without_objects {
         return Err(Error::input("--without-objects", "masks are about objects", "leave it out"));

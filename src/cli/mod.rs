@@ -1,5 +1,5 @@
-//! The command line: one file a subcommand, each with `Args` and a `run` that calls the crate's public API. A new
-//! subcommand is a file here, a variant of [`Command`] and its arm in `run`.
+//! The command line. Each subcommand has a file with `Args` and a `run` that calls the crate's public API. A
+//! new subcommand needs a file here, a variant of [`Command`] and an arm in its `run`.
 
 pub mod bench;
 pub mod capture;
@@ -28,10 +28,10 @@ use crate::{Error, Result};
 #[derive(Debug, Parser)]
 #[command(name = "iprt", version, about, max_term_width = 120)]
 pub struct Cli {
-    /// What to do.
+    /// The subcommand.
     #[command(subcommand)]
     pub command: Command,
-    /// Say more on stderr; twice: still more
+    /// Print more on standard error; give it twice for still more
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub verbose: u8,
 }
@@ -59,13 +59,13 @@ pub enum Command {
     Masks(masks::Args),
     /// Report every problem of a scene at once
     Check(check::Args),
-    /// Try where such methods fail: a number, a limit and a picture for each case and method
+    /// Run cases in which such methods fail, with a number, a limit and a picture for each case and method
     Stability(stability::Args),
-    /// A window to see a scene, move in it and compare in it
+    /// Open a window to see a scene, move in it and compare in it
     View(view::Args),
-    /// Built-in rooms as files
+    /// Write built-in rooms as files
     #[command(subcommand)]
-    Scene(scene::Command),
+    Scene(scene::SceneCommand),
 }
 
 impl Command {
@@ -89,10 +89,10 @@ impl Command {
 }
 
 impl Cli {
-    /// Does what was asked.
+    /// Runs the subcommand.
     ///
     /// # Errors
-    /// What went wrong, for one line on stderr and [`Error::exit_code`].
+    /// Fails with what went wrong, as one line for stderr and with its [`Error::exit_code`].
     pub fn run(self) -> Result<()> {
         let level = match self.verbose {
             0 => tracing::Level::WARN,
@@ -105,10 +105,10 @@ impl Cli {
     }
 }
 
-/// Prints to stdout. A reader that has seen enough (`| head`) is no error.
+/// Prints to stdout. It is no error if a reader stops early, as with `| head`.
 ///
 /// # Errors
-/// [`Error::Input`] where stdout cannot be written.
+/// Fails with [`Error::Input`] if stdout cannot be written.
 pub fn print(text: &str) -> Result<()> {
     let mut out = io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {

@@ -1,4 +1,4 @@
-//! `iprt plan`: which parts of the model a scene needs, and why.
+//! `iprt plan` tells which parts of the model a scene needs, and why.
 
 use super::{common::PictureArgs, target::TargetArgs};
 use crate::{Error, Result, image_file::write::write_bytes, plan::Plan};
@@ -11,18 +11,18 @@ pub struct Args {
     pub picture: PictureArgs,
     #[command(flatten)]
     pub target: TargetArgs,
-    /// Write it as JSON
+    /// Write the plan as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
 }
 
-/// Examines, prints the table, writes the file.
+/// Makes the plan, prints its table, and writes the file.
 pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.json {
         super::render::require_folder(path)?;
     }
     args.target.target()?;
-    // a built-in room is captured on the device
+    // The device is needed to capture a built-in room.
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
     let mut options = args.picture.options(&scene, false)?;

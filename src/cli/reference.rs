@@ -1,4 +1,4 @@
-//! `iprt reference`: converged pictures, of the method's own model or of the complete true scene.
+//! `iprt reference` renders converged pictures of the method's own model or of the complete true scene.
 
 use super::{
     common::{PictureArgs, interrupted, parse_frames, progress},
@@ -10,7 +10,7 @@ use crate::{
         ExrLayer,
         write::{write_display, write_exr},
     },
-    output::{Kind, write},
+    output::{FileKind, write},
     reference::truth::{self, End, Goal, NOISE_EVERY},
     renderer::Renderer,
     settings::Method,
@@ -26,19 +26,20 @@ pub struct Args {
     /// An .exr (linear) or .png
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// panorama: the method's own model, converged; scene: the complete true scene, path-traced (needs the scene file's room.gltf)
+    /// Which truth to render: panorama (the method's own model, converged) or scene (the complete true scene,
+    /// path-traced; this needs the scene file's room.gltf)
     #[arg(long, default_value = "panorama")]
     pub model: String,
-    /// Paths a pixel, at most [default: 1024; 65536 with --until-noise]
+    /// The most paths a pixel [default: 1024; 65536 with --until-noise]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub spp: Option<u32>,
-    /// Stop at this standard error, relative to the mean: 0.01 is 1 %
+    /// Stop at this standard error, relative to the mean; 0.01 is 1 %
     #[arg(long, value_name = "X")]
     pub until_noise: Option<f64>,
-    /// Go on where an earlier run stopped, and keep the state beside the output (with --model scene)
+    /// Continue where an earlier run stopped, and keep the state beside the output (with --model scene)
     #[arg(long)]
     pub resume: bool,
-    /// Which frame
+    /// The number of the frame
     #[arg(long, default_value = "0")]
     pub frame: String,
     /// Images to add to an EXR: names, or all
@@ -48,7 +49,7 @@ pub struct Args {
 
 /// Accumulates and writes.
 pub fn run(args: &Args) -> Result<()> {
-    let kind = Kind::of(&args.output)?;
+    let kind = FileKind::of(&args.output)?;
     let goal = goal(args)?;
     let [frame, _] = parse_frames(&args.frame)?;
     match args.model.as_str() {
@@ -71,7 +72,7 @@ fn goal(args: &Args) -> Result<Goal> {
     Ok(Goal { samples, noise: args.until_noise })
 }
 
-fn panorama(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
+fn panorama(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
     require_folder(&args.output)?;
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
@@ -100,7 +101,7 @@ fn panorama(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
     args.picture.device.close(gpu)
 }
 
-fn scene(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
+fn scene(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
     for (flag, given) in [
         ("--method", args.picture.method.is_some()),
         ("--set", !args.picture.set.is_empty()),
@@ -133,8 +134,8 @@ fn scene(args: &Args, kind: Kind, goal: Goal, frame: u32) -> Result<()> {
 
     let sums = tracer.read()?;
     match kind {
-        Kind::Png => write_display(&args.output, size, &sums.radiance(), scene.exposure)?,
-        Kind::Exr => write_exr(&args.output, &[ExrLayer::rgb("", size, &sums.radiance())])?,
+        FileKind::Png => write_display(&args.output, size, &sums.radiance(), scene.exposure)?,
+        FileKind::Exr => write_exr(&args.output, &[ExrLayer::rgb("", size, &sums.radiance())])?,
     }
     let so_far = so_far("samples", sums.samples, sums.relative_noise());
     if end == End::Interrupted {
@@ -160,7 +161,7 @@ fn so_far(what: &str, count: u32, noise: f64) -> String {
     format!("{count} {what} a pixel, standard error {:.2} % of the mean", 100.0 * noise)
 }
 
-/// Progress towards a goal, with the noise so far.
+/// A progress bar towards a goal, with the noise so far.
 struct Bar(ProgressBar, Goal);
 
 impl Bar {
@@ -176,7 +177,7 @@ impl Bar {
         if let Some(noise) = noise {
             self.0.set_message(format!("noise {:.2} %", 100.0 * noise));
             if let Some(most) = self.1.noise {
-                // errors fall as the root of the number of samples
+                // Errors fall with the root of the number of samples.
                 let needed = f64::from(samples) * (noise / most).powi(2);
                 self.0.set_length(u64::from(self.1.samples).min(needed.ceil() as u64).max(samples.into()));
             }

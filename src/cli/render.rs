@@ -1,4 +1,4 @@
-//! `iprt render`: pictures to files.
+//! `iprt render` renders pictures to files.
 
 use super::{
     common::{PictureArgs, parse_frames, progress},
@@ -7,7 +7,7 @@ use super::{
 use crate::{
     Error, Result,
     measure::bench,
-    output::{Kind, write},
+    output::{FileKind, write},
     plan::Plan,
     renderer::Renderer,
     scene::Scene,
@@ -22,32 +22,34 @@ pub struct Args {
     pub picture: PictureArgs,
     #[command(flatten)]
     pub target: TargetArgs,
-    /// .png (display) or .exr (linear, with --aov layers); a %04d pattern for a sequence
+    /// A .png (as displayed) or .exr (linear, with --aov layers); a %04d pattern for a sequence
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// Frames A..B, both included; the whole video with a pattern, otherwise frame 0
+    /// Frames A..B, both included [default: the whole video with a pattern, otherwise frame 0]
     #[arg(long, value_name = "A..B")]
     pub frames: Option<String>,
-    /// Frames run before A, A held still [default: 15; 0 with --spp or --method reference]
+    /// Number of frames that are run before frame A, held at A [default: 15; 0 with --spp or --method
+    /// reference]
     #[arg(long)]
     pub warmup: Option<u32>,
-    /// Converge the method's own model instead: so many paths a pixel, nothing filtered, no history [with --method reference 64]
+    /// Converge the method's own model instead, with N paths a pixel, no filter and no history [default with
+    /// --method reference: 64]
     #[arg(long, value_name = "N", conflicts_with_all = ["target_ms", "target_flip"])]
     pub spp: Option<u32>,
-    /// Factor on radiance before display; the scene's by default
+    /// Factor on radiance before display [default: the scene's]
     #[arg(long)]
     pub exposure: Option<f32>,
     /// Images to add to an EXR: names, or all
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     pub aov: Vec<String>,
-    /// Print the GPU time of each pass, measured over this many more frames
+    /// Print the GPU time of each pass, measured over N more frames
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "16")]
     pub timings: Option<u32>,
 }
 
 /// Renders and writes.
 pub fn run(args: &Args) -> Result<()> {
-    let kind = Kind::of(&args.output)?;
+    let kind = FileKind::of(&args.output)?;
     require_folder(&args.output)?;
     args.target.target()?;
     let gpu = args.picture.device.open()?;
@@ -68,7 +70,7 @@ pub fn run(args: &Args) -> Result<()> {
         let problem = "one file for several frames".to_owned();
         return Err(Error::input(args.output.display(), problem, "use a pattern, for example out_%04d.png"));
     }
-    if kind == Kind::Png && !args.aov.is_empty() {
+    if kind == FileKind::Png && !args.aov.is_empty() {
         return Err(Error::input("--aov", "a PNG holds the picture alone", "write an .exr"));
     }
 
@@ -116,16 +118,16 @@ pub fn run(args: &Args) -> Result<()> {
     args.picture.device.close(gpu)
 }
 
-fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::Report> {
+fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::BenchReport> {
     bench::run(renderer, scene, first, frames, 1, || {})
 }
 
-/// Unknown names are told before hours of rendering, not after.
+/// Fails if an image does not exist. It is called before rendering, which may take hours.
 pub fn check_aovs(renderer: &Renderer, aovs: &[String]) -> Result<()> {
     aovs.iter().filter(|name| *name != "all").try_for_each(|name| renderer.require_aov(name))
 }
 
-/// The same for the folder of an output.
+/// Fails if the folder of an output does not exist or cannot be written. It is called before rendering, too.
 pub fn require_folder(path: &Path) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let probe = tempfile::Builder::new().prefix(".iprt-").tempfile_in(folder);
@@ -142,7 +144,7 @@ fn is_pattern(path: &Path) -> bool {
     placeholder(&path.to_string_lossy()).is_some()
 }
 
-/// Position, length and width of `%d` or `%0Nd`.
+/// Position, length and width of `%d` or `%0Nd` in a name.
 fn placeholder(text: &str) -> Option<(usize, usize, usize)> {
     let start = text.find('%')?;
     let digits: String = text[start + 1..].chars().take_while(char::is_ascii_digit).collect();

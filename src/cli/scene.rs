@@ -1,4 +1,4 @@
-//! `iprt scene`: built-in rooms as files.
+//! `iprt scene` writes built-in rooms as files.
 
 use super::common::DeviceArgs;
 use crate::{
@@ -8,9 +8,9 @@ use crate::{
 };
 use std::path::PathBuf;
 
-/// What `iprt scene` does.
+/// The subcommands of `iprt scene`.
 #[derive(Clone, Debug, clap::Subcommand)]
-pub enum Command {
+pub enum SceneCommand {
     /// Write a built-in room as .glb files, a panorama and a scene file
     Export(ExportArgs),
 }
@@ -18,21 +18,21 @@ pub enum Command {
 /// Arguments of `iprt scene export`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ExportArgs {
-    /// apartment, bedroom or gallery
+    /// The room: apartment, bedroom or gallery
     pub name: String,
-    /// The folder, which is made where it does not exist
+    /// The folder; it is made if it does not exist
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     #[command(flatten)]
     pub device: DeviceArgs,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
 }
 
-/// Runs it.
-pub fn run(command: &Command) -> Result<()> {
-    let Command::Export(args) = command;
+/// Runs the subcommand.
+pub fn run(command: &SceneCommand) -> Result<()> {
+    let SceneCommand::Export(args) = command;
     let Some(room) = rooms::by_name(&args.name) else {
         let remedy = format!("choose from {}", rooms::NAMES.join(", "));
         return Err(Error::input(&args.name, "there is no built-in room of that name", remedy));

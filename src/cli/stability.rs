@@ -1,4 +1,4 @@
-//! `iprt stability`: where such methods fail, case by case.
+//! `iprt stability` runs cases in which such methods fail.
 
 use super::common::{DeviceArgs, key_value, progress};
 use crate::{
@@ -14,15 +14,16 @@ use std::path::PathBuf;
 /// Arguments of `iprt stability`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// Names of cases; all by default
+    /// Names of cases [default: all]
     pub cases: Vec<String>,
-    /// The folder for stability.json, stability.html and the pictures; made where it does not exist
+    /// Folder for stability.json, stability.html and the pictures; it is made if it does not exist
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Smaller pictures, fewer frames
+    /// Use smaller pictures and fewer frames
     #[arg(long)]
     pub quick: bool,
-    /// ibl, paper, iprt or reference (the converged model: what is left is the model's); may be repeated; the first three by default
+    /// A method: ibl, paper, iprt or reference (the converged model, which leaves the model's own errors);
+    /// may be repeated [default: ibl, paper, iprt]
     #[arg(long)]
     pub method: Vec<String>,
     /// A setting for every method, as key=value; may be repeated (see docs/methods.md)
@@ -30,12 +31,12 @@ pub struct Args {
     pub set: Vec<String>,
     #[command(flatten)]
     pub device: DeviceArgs,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
 }
 
-/// Runs them and writes.
+/// Runs the cases and writes the report.
 pub fn run(args: &Args) -> Result<()> {
     let all = cases::all();
     if let Some(unknown) = args.cases.iter().find(|name| !all.iter().any(|case| case.name == name.as_str())) {
@@ -66,7 +67,7 @@ pub fn run(args: &Args) -> Result<()> {
         for &method in &methods {
             match suite.run(&case, method, None) {
                 Ok(outcome) => results.push((method, outcome)),
-                // the other cases are tried all the same
+                // The other cases still run.
                 Err(error) => {
                     eprintln!("{}, {}: {error}", case.name, method.name());
                     failed += 1;
@@ -79,7 +80,7 @@ pub fn run(args: &Args) -> Result<()> {
             bar.suspend(|| super::print(&row.line()))?;
         }
         rows.push(row);
-        // what is done is kept, whatever becomes of the rest
+        // What is done is written at once, whatever happens to the rest.
         report::write(&args.output, &rows, &setup)?;
     }
     bar.finish_and_clear();

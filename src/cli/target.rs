@@ -1,4 +1,4 @@
-//! `--target-ms` and `--target-flip`: settings chosen from measured points.
+//! `--target-ms` and `--target-flip` choose settings from measured points.
 
 use super::common::{PictureArgs, interrupted, nothing_to_keep, progress};
 use crate::{
@@ -11,54 +11,56 @@ use crate::{
     settings::Method,
 };
 
-/// The targets.
+/// The flags of the targets.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TargetArgs {
-    /// Choose the most accurate settings that take at most so many GPU milliseconds a frame here; with --target-flip the cheapest of
-    /// that error instead, where one is fast enough
+    /// Choose the most accurate settings that take at most T GPU milliseconds a frame on this device; with
+    /// --target-flip, the cheapest settings of that error, if they are fast enough
     #[arg(long, value_name = "T", allow_hyphen_values = true)]
     pub target_ms: Option<String>,
-    /// Choose the cheapest settings of at most this error: FLIP over virtual or influenced pixels, whichever is larger, after 16 still
-    /// frames (see docs/plan.md)
+    /// Choose the cheapest settings whose error is at most F; the error is FLIP over virtual or influenced
+    /// pixels, whichever is larger, after 16 still frames (see docs/plan.md)
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     pub target_flip: Option<String>,
 }
 
-/// What was chosen, and from what.
+/// The chosen settings, and what they were chosen from.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Chosen {
     /// What was asked for.
     pub target: Target,
-    /// As the command line takes the settings.
+    /// The chosen settings as the command line takes them.
     pub flags: String,
-    /// Of them.
+    /// The time and the error that are predicted for them.
     pub predicted: Expected,
-    /// Width and height that was measured, pixels.
+    /// Width and height of the pictures that were measured, pixels.
     pub measured_at: [u32; 2],
-    /// Of how many candidates.
+    /// Number of measured candidates.
     pub candidates: usize,
-    /// What the error is against.
+    /// The name of the truth that errors are measured against.
     pub truth: String,
     /// That truth's own error.
     pub noise: f64,
-    /// A line a target that is out of reach.
+    /// One line for each target that is out of reach.
     pub warnings: Vec<String>,
 }
 
 impl TargetArgs {
     /// # Errors
-    /// What is not a positive number.
+    /// Fails if a target is not a positive number.
     pub fn target(&self) -> Result<Option<Target>> {
         let ms = number(self.target_ms.as_deref(), "--target-ms", "milliseconds a frame, for example 33")?;
         let flip = number(self.target_flip.as_deref(), "--target-flip", "an error, for example 0.08")?;
         Ok((ms.is_some() || flip.is_some()).then_some(Target { ms, flip }))
     }
 
-    /// Chooses, where a target was given, and changes `options` accordingly. Points are measured where none are kept. `video`: each frame shows
-    /// a new one of the video.
+    /// If a target was given, chooses settings for it and puts them into `options`. The candidates are
+    /// measured first if none are kept for this view. `video` says whether each frame shows a new video
+    /// frame.
     ///
     /// # Errors
-    /// `--method reference`, whose quality is its number of paths; what cannot be rendered; an interruption.
+    /// Fails for `--method reference`, whose quality is its number of paths. Fails if something cannot be
+    /// rendered, or if it is interrupted.
     pub fn apply(
         &self,
         gpu: &Gpu,
@@ -165,14 +167,14 @@ impl Chosen {
         }
     }
 
-    /// Tells it on stderr.
+    /// Prints the choice on stderr.
     pub fn say(&self, quiet: bool) {
         if !quiet {
             eprintln!("{}", self.text());
         }
     }
 
-    /// In a line.
+    /// The choice in one line.
     pub fn text(&self) -> String {
         let Expected { ms, flip } = self.predicted;
         let [width, height] = self.measured_at;
@@ -183,7 +185,7 @@ impl Chosen {
     }
 }
 
-/// To three digits, and no less.
+/// Rounds up to three decimals.
 fn up(flip: f64) -> f64 {
     (flip * 1e3).ceil() * 1e-3
 }

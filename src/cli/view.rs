@@ -1,4 +1,4 @@
-//! `iprt view`: the window.
+//! `iprt view` opens the window.
 
 use super::common::{DeviceArgs, open_scene, parse_size};
 use crate::{
@@ -20,34 +20,34 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Keys: F1 in the window.", after_long_help = LINES)]
 pub struct Args {
-    /// A scene file, or a built-in room; the built-in `apartment` by default
+    /// A scene file or a built-in room [default: apartment]
     pub scene: Option<String>,
     /// Size of the window
     #[arg(long, value_name = "WxH", default_value = "1280x720")]
     pub size: String,
-    /// iprt, paper, ibl or reference; the scene's by default
+    /// The method: iprt, paper, ibl or reference [default: the scene's]
     #[arg(long)]
     pub method: Option<String>,
     /// A setting of the method, as key=value; may be repeated (see docs/methods.md)
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// While something moves, the picture is made smaller until a frame takes no longer, milliseconds
+    /// Milliseconds that a frame may take while something moves; the picture is made smaller until it does
     #[arg(long, value_name = "MS", default_value_t = 66.0)]
     pub target_ms: f64,
-    /// Plays key, pointer and resize events from a file, then closes the window and prints a report as JSON
+    /// Play key, pointer and resize events from a file, then close the window and print a report as JSON
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
-    /// Where the report goes instead of standard output
+    /// Write the report to this file instead of standard output
     #[arg(long, value_name = "FILE", requires = "script")]
     pub report: Option<PathBuf>,
     #[command(flatten)]
     pub device: DeviceArgs,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
 }
 
-/// Opens the window and returns when it is closed.
+/// Opens the window, and returns when it is closed.
 pub fn run(args: Args) -> Result<()> {
     let size = parse_size(&args.size)?;
     if size.iter().any(|side| !(1..=16384).contains(side)) {
@@ -81,7 +81,7 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// Reads the scene, while the window is there already.
+/// Reads the scene. The window is open already.
 fn open(args: &Args, gpu: &crate::gpu::Gpu) -> Result<Opened> {
     let scene = open_scene(gpu, args.scene.as_deref(), args.quiet)?;
     let name = args.scene.as_deref().unwrap_or(rooms::NAMES[0]);

@@ -7,4 +7,4 @@ pub mod srgb;
 pub mod write;
 
 pub use exr_file::ExrLayer;
-pub use read::{CodeImage, ColorImage, Image, Raster, Samples};
+pub use read::{CodeImage, ColorImage, FileImage, Raster, Samples};

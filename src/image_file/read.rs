@@ -30,7 +30,7 @@ pub struct Raster {
 
 /// Any image file.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Image {
+pub enum FileImage {
     Raster(Raster),
     Exr(Vec<ExrLayer>),
 }
@@ -87,7 +87,7 @@ pub fn one_line(message: &impl ToString) -> String {
 ///
 /// # Errors
 /// Names the file: unreadable, empty, of an unknown type, damaged, too large.
-pub fn read(path: &Path) -> Result<Image> {
+pub fn read(path: &Path) -> Result<FileImage> {
     decode(&read_bytes(path)?, &path.display().to_string())
 }
 
@@ -95,16 +95,16 @@ pub fn read(path: &Path) -> Result<Image> {
 ///
 /// # Errors
 /// As [`read`].
-pub fn decode(bytes: &[u8], subject: &str) -> Result<Image> {
+pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     if bytes.is_empty() {
         return Err(Error::input(subject, "the file is empty", "write it again"));
     }
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        return exr_file::decode(bytes, subject).map(Image::Exr);
+        return exr_file::decode(bytes, subject).map(FileImage::Exr);
     }
     let known = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Hdr];
     match image::guess_format(bytes) {
-        Ok(format) if known.contains(&format) => decode_raster(bytes, format, subject).map(Image::Raster),
+        Ok(format) if known.contains(&format) => decode_raster(bytes, format, subject).map(FileImage::Raster),
         _ if is_video(bytes) => Err(video_refusal(subject)),
         _ => Err(Error::input(subject, "is not a PNG, JPEG, EXR or HDR image", "convert it to one of these")),
     }
@@ -162,7 +162,7 @@ pub(super) fn check_size(size: [u32; 2], subject: &str) -> Result<()> {
     Ok(())
 }
 
-impl Image {
+impl FileImage {
     /// As linear radiance: R, G, B, or grey from Y.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
-//! `bench`: per-pass GPU times from timestamp queries.
+//! `bench` measures GPU times by pass, from timestamp queries.
 
+use super::clock::{self, Sample, median, quantile};
 use crate::{
     Result,
     gpu::Timings,
@@ -7,7 +8,7 @@ use crate::{
     scene::Scene,
 };
 use serde::Serialize;
-use std::{collections::BTreeMap, fmt::Write, time::Instant};
+use std::{collections::BTreeMap, fmt::Write};
 
 /// Pass names in frame order.
 pub const PASSES: [&str; 12] = [
@@ -25,48 +26,48 @@ pub const PASSES: [&str; 12] = [
     "composite",
 ];
 
-/// One pass over the measured frames that dispatched it, its dispatches summed.
+/// The times of one pass over the measured frames that dispatched it. The dispatches of a frame are summed.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassTime {
-    /// The pass.
+    /// Name of the pass.
     pub name: String,
-    /// Milliseconds.
+    /// Median, milliseconds.
     pub median_ms: f64,
-    /// Milliseconds; 95 % of frames are at most this.
+    /// 95 % of the frames take at most this long, milliseconds.
     pub p95_ms: f64,
-    /// Milliseconds.
+    /// Shortest time, milliseconds.
     pub min_ms: f64,
-    /// Milliseconds.
+    /// Longest time, milliseconds.
     pub max_ms: f64,
-    /// Why it was not dispatched, where it was not.
+    /// Why the pass was not dispatched, or `None` if it was.
     pub off: Option<String>,
 }
 
-/// Whole frames.
+/// The times of whole frames.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameTime {
-    /// First timestamp to last, milliseconds.
+    /// Median time from the first timestamp to the last, milliseconds.
     pub gpu_median_ms: f64,
-    /// The same, 95th percentile.
+    /// 95th percentile of the same time.
     pub gpu_p95_ms: f64,
-    /// With recording, uploads and waiting, milliseconds.
+    /// Median wall time with recording, uploads and waiting, milliseconds.
     pub wall_median_ms: f64,
-    /// The same, 95th percentile.
+    /// 95th percentile of the same time.
     pub wall_p95_ms: f64,
-    /// Median over frames of the passes' share in the GPU's frame time.
+    /// The share of the GPU's frame time that the passes take. It is the median over the frames.
     pub coverage: f64,
 }
 
-/// Device memory.
+/// Use of device memory.
 #[derive(Clone, Debug, Serialize)]
 pub struct Memory {
-    /// Bytes allocated while measuring.
+    /// Bytes that were allocated while measuring.
     pub device_bytes: u64,
 }
 
-/// What `bench --json` writes.
+/// The content of the file that `bench --json` writes.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct BenchReport {
     /// Vulkan device name.
     pub device: String,
     /// Driver name and version.
@@ -77,35 +78,27 @@ pub struct Report {
     pub method: String,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Frames measured.
+    /// Number of measured frames.
     pub frames: u32,
-    /// Frames run before.
+    /// Number of frames that were run before them.
     pub warmup: u32,
-    /// All settings, as the plan left them.
+    /// All settings, as the plan changed them.
     pub settings: BTreeMap<String, String>,
-    /// In frame order.
+    /// All passes in frame order.
     pub passes: Vec<PassTime>,
-    /// Whole frames.
+    /// The whole frames.
     pub frame: FrameTime,
     /// Device memory.
     pub memory: Memory,
-    /// The plan in a line.
+    /// The plan in one line.
     #[serde(skip)]
     pub plan: String,
     #[serde(skip)]
     samples: Vec<Sample>,
 }
 
-/// One frame: its timings and its wall time, with when it began.
-#[derive(Clone, Debug)]
-struct Sample {
-    timings: Timings,
-    began_ms: f64,
-    wall_ms: f64,
-}
-
-/// Renders `warmup` frames at the first frame's time, then `frames` more from there, and measures those. `progress` is called
-/// after each.
+/// Renders `warmup` frames at the time of the first frame, and then measures `frames` frames from there on.
+/// `progress` is called after each frame.
 pub fn run(
     renderer: &mut Renderer,
     scene: &Scene,
@@ -113,20 +106,18 @@ pub fn run(
     frames: u32,
     warmup: u32,
     mut progress: impl FnMut(),
-) -> Result<Report> {
-    for _ in 0..warmup {
-        renderer.render(scene, scene.panorama.frame_time(first as usize))?;
+) -> Result<BenchReport> {
+    let time = |frame: u32| scene.panorama.frame_time(frame as usize);
+    clock::frames(renderer, scene, (0..warmup).map(|_| time(first)), |_| {
         progress();
-    }
-    let start = Instant::now();
+        Ok(())
+    })?;
     let mut samples = Vec::new();
-    for n in 0..frames {
-        let began = start.elapsed();
-        let timings = renderer.render(scene, scene.panorama.frame_time((first + n) as usize))?;
-        let wall = start.elapsed() - began;
-        samples.push(Sample { timings, began_ms: began.as_secs_f64() * 1e3, wall_ms: wall.as_secs_f64() * 1e3 });
+    clock::frames(renderer, scene, (0..frames).map(|n| time(first + n)), |sample| {
+        samples.push(sample);
         progress();
-    }
+        Ok(())
+    })?;
     let gpu = renderer.gpu();
     let options = renderer.options();
     let plan = renderer.plan().passes();
@@ -134,8 +125,7 @@ pub fn run(
     let mut gpu_ms: Vec<f64> = samples.iter().map(|s| s.timings.gpu_ms).collect();
     let mut wall_ms: Vec<f64> = samples.iter().map(|s| s.wall_ms).collect();
     let share = |s: &Sample| s.timings.entries.iter().map(|(_, ms)| ms).sum::<f64>() / s.timings.gpu_ms.max(1e-9);
-    let mut coverage: Vec<f64> = samples.iter().map(share).collect();
-    Ok(Report {
+    Ok(BenchReport {
         device: gpu.device_name().to_owned(),
         driver: gpu.driver().to_owned(),
         scene: scene.name.clone(),
@@ -150,7 +140,7 @@ pub fn run(
             gpu_p95_ms: quantile(&mut gpu_ms, 0.95),
             wall_median_ms: quantile(&mut wall_ms, 0.5),
             wall_p95_ms: quantile(&mut wall_ms, 0.95),
-            coverage: quantile(&mut coverage, 0.5),
+            coverage: median(samples.iter().map(share)),
         },
         memory: Memory { device_bytes: gpu.device_bytes() },
         plan: renderer.plan().summary(),
@@ -187,17 +177,8 @@ fn pass_time(name: &str, samples: &[Sample], plan: &[PassPlan], renderer: &Rende
     PassTime { name: name.to_owned(), median_ms, p95_ms, min_ms: times[0], max_ms: times[times.len() - 1], off: None }
 }
 
-/// Sorts, and interpolates between the two nearest ranks; 0 for nothing.
-pub(crate) fn quantile(values: &mut [f64], q: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
-    let place = q * last as f64;
-    let (low, high) = (place.floor() as usize, place.ceil() as usize);
-    values[low] + (values[high] - values[low]) * (place - place.floor())
-}
-
-impl Report {
-    /// For people.
+impl BenchReport {
+    /// The report as a table for people.
     pub fn table(&self) -> String {
         let mut out = String::new();
         let _ = writeln!(
@@ -232,7 +213,8 @@ impl Report {
         out
     }
 
-    /// One line a pass: name, median, p95, min, max (ms), and why it is off.
+    /// The report with one line a pass: name, median, p95, min and max in milliseconds, and why the pass is
+    /// off.
     pub fn csv(&self) -> String {
         let mut out = "pass,median_ms,p95_ms,min_ms,max_ms,off\n".to_owned();
         for p in &self.passes {
@@ -247,7 +229,8 @@ impl Report {
         out
     }
 
-    /// Chrome's and Perfetto's trace JSON: the GPU's passes and the frames' wall time, one track each.
+    /// The trace JSON of Chrome and Perfetto. One track has the GPU's passes, another the wall times of the
+    /// frames.
     pub fn trace(&self) -> serde_json::Value {
         let mut events = Vec::new();
         let mut event = |name: &str, track: u32, start_ms: f64, ms: f64| {
@@ -255,24 +238,13 @@ impl Report {
         };
         for (n, sample) in self.samples.iter().enumerate() {
             event(&format!("frame {n}"), 1, sample.began_ms, sample.wall_ms);
-            // the queue's clock has another zero: a frame's passes are laid where its GPU work must have been, at its end
+            // The queue's clock has another zero. A frame's passes are put where its GPU work must have been:
+            // at its end.
             let offset = sample.began_ms + (sample.wall_ms - sample.timings.gpu_ms).max(0.0);
             for ((name, ms), start) in sample.timings.entries.iter().zip(&sample.timings.starts_ms) {
                 event(name, 2, offset + start, *ms);
             }
         }
         serde_json::json!({ "traceEvents": events, "displayTimeUnit": "ms" })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::quantile;
-
-    #[test]
-    fn quantiles_of_known_values() {
-        assert_eq!(quantile(&mut [3.0, 1.0, 2.0], 0.5), 2.0);
-        assert_eq!(quantile(&mut [4.0, 1.0, 2.0, 3.0], 0.5), 2.5);
-        assert_eq!(quantile(&mut [], 0.5), 0.0);
     }
 }

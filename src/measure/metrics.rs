@@ -1,44 +1,48 @@
-//! How far a picture is from the truth: errors of radiance, and of what is seen after exposure, clipping and sRGB.
+//! Metrics of the difference between a picture and the truth. Some compare radiance. Others compare what is
+//! displayed: the radiance times the exposure, clipped and sRGB-encoded.
 
 use crate::{Error, Result, image_file::write::display_code};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Linear radiance, row 0 on top.
+/// A picture of linear radiance, row 0 on top.
 #[derive(Clone, Copy, Debug)]
 pub struct Picture<'a> {
-    /// What errors are about.
+    /// What error messages call the picture.
     pub subject: &'a str,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// RGBA; alpha is not compared.
+    /// RGBA. Alpha is not compared.
     pub texels: &'a [[f32; 4]],
 }
 
-/// All metrics over a region.
+/// All metrics over one region.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// Root of the mean squared difference of radiance.
     pub rmse: f64,
     /// Mean of (test − truth)²/(truth² + 0.01).
     pub relmse: f64,
-    /// Of the displayed picture, peak 1, decibels; 999 where both are the same.
+    /// PSNR of the displayed picture for a peak of 1, in decibels. It is 999 if both pictures are the same.
     pub psnr: f64,
-    /// Of the displayed picture's channels: Wang et al. 2004, Gaussian window of σ 1.5, 11×11.
+    /// SSIM of the displayed picture, as the mean over its channels: Wang et al. 2004 with an 11×11 Gaussian
+    /// window of σ 1.5.
     pub ssim: f64,
-    /// LDR-FLIP (Andersson et al. 2020) at 67 pixels a degree, NVIDIA's implementation, on the displayed 8-bit picture.
+    /// LDR-FLIP (Andersson et al. 2020) of the displayed 8-bit picture at 67 pixels a degree, by NVIDIA's
+    /// implementation.
     pub flip: f64,
     /// Largest difference of radiance.
     pub max_abs: f64,
-    /// Mean of the test over mean of the truth; 1 where both are black.
+    /// Mean of the test divided by the mean of the truth. It is 1 if both are black.
     #[serde(deserialize_with = "or_infinite")]
     pub mean_ratio: f64,
-    /// Pixels in the region.
+    /// Number of pixels in the region.
     pub pixels: u64,
 }
 
 impl Metrics {
-    /// Means over frames, but for the largest `max_abs` and the sum of `pixels`. `None` of none.
+    /// The means over several frames. `max_abs` is the largest value instead, and `pixels` the sum. The
+    /// result is `None` if there are no frames.
     pub fn mean(frames: &[Self]) -> Option<Self> {
         let (first, n) = (frames.first()?, frames.len() as f64);
         let mean = |of: fn(&Self) -> f64| frames.iter().map(of).sum::<f64>() / n;
@@ -55,13 +59,14 @@ impl Metrics {
     }
 }
 
-/// Pixels per degree that FLIP is computed for: a 0.7 m wide 3840-pixel monitor at 0.7 m.
+/// Pixels per degree that FLIP is computed for. A monitor 0.7 m and 3840 pixels wide has as many, seen from
+/// 0.7 m.
 const PIXELS_PER_DEGREE: f32 = 67.0;
 
-/// What [`Metrics::psnr`] is for pictures that are the same.
+/// The value of [`Metrics::psnr`] for two pictures that are the same.
 pub const SAME_PSNR: f64 = 999.0;
 
-/// The FLIP error of each pixel, 0 to 1.
+/// The FLIP error of each pixel, from 0 to 1.
 pub fn flip_map(test: Picture, truth: Picture, exposure: f32) -> Result<Vec<f32>> {
     check(test, truth)?;
     let image = |picture: Picture| {
@@ -72,11 +77,11 @@ pub fn flip_map(test: Picture, truth: Picture, exposure: f32) -> Result<Vec<f32>
     Ok(nv_flip::flip(image(truth), image(test), PIXELS_PER_DEGREE).to_vec())
 }
 
-/// Compares over the pixels where `mask` is true, or all. What depends on neighbours (FLIP, SSIM) is computed on the full
-/// picture and averaged over the region.
+/// Compares two pictures over the pixels where `mask` is true, or over all pixels. FLIP and SSIM depend on
+/// neighbours. They are computed on the full picture and then averaged over the region.
 ///
 /// # Errors
-/// Sizes that differ, radiance that is not finite, an empty region.
+/// Fails if the sizes differ, if a radiance is not finite, or if the region is empty.
 pub fn compare(test: Picture, truth: Picture, mask: Option<&[bool]>, exposure: f32) -> Result<Metrics> {
     let mut metrics = compare_regions(test, truth, &[mask], exposure)?;
     metrics
@@ -85,10 +90,10 @@ pub fn compare(test: Picture, truth: Picture, mask: Option<&[bool]>, exposure: f
         .ok_or_else(|| Error::input("--mask", "no pixel is in the region", "give a mask with a bright part"))
 }
 
-/// As [`compare`], over several regions; `None` for one without a pixel.
+/// Compares like [`compare`], over several regions. The result is `None` for a region without a pixel.
 ///
 /// # Errors
-/// Sizes that differ, radiance that is not finite.
+/// Fails if the sizes differ, or if a radiance is not finite.
 pub fn compare_regions(
     test: Picture,
     truth: Picture,
@@ -141,12 +146,12 @@ fn over(
     })
 }
 
-/// JSON writes an infinite ratio, something over a black truth, as null.
+/// Reads null as infinity. JSON writes null for an infinite ratio, which stands for light over a black truth.
 fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<f64, D::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
 }
 
-/// sRGB of a clipped value.
+/// The sRGB code of a value, clipped to 0..1.
 pub(super) fn show(linear: f32) -> f32 {
     crate::image_file::srgb::linear_to_srgb(linear.clamp(0.0, 1.0))
 }
@@ -174,7 +179,8 @@ fn check(test: Picture, truth: Picture) -> Result<()> {
     Ok(())
 }
 
-/// Mean over the channels of the structural similarity around each pixel. The picture is reflected at its borders.
+/// The structural similarity around each pixel, as the mean over the channels. The picture is reflected at
+/// its borders.
 fn ssim_map(test: &[Vec<f32>; 3], truth: &[Vec<f32>; 3], size: [u32; 2]) -> Vec<f32> {
     const C1: f32 = 0.01 * 0.01;
     const C2: f32 = 0.03 * 0.03;
@@ -195,7 +201,7 @@ fn ssim_map(test: &[Vec<f32>; 3], truth: &[Vec<f32>; 3], size: [u32; 2]) -> Vec<
     (0..channels[0].len()).map(|i| (channels[0][i] + channels[1][i] + channels[2][i]) / 3.0).collect()
 }
 
-/// A Gaussian of σ 1.5 over 11×11 pixels.
+/// Blurs with a Gaussian of σ 1.5 over 11×11 pixels.
 fn blur(values: &[f32], [width, height]: [u32; 2]) -> Vec<f32> {
     let kernel: Vec<f32> = (-5i32..=5).map(|k| (-(k * k) as f32 / 4.5).exp()).collect();
     let total: f32 = kernel.iter().sum();
@@ -225,7 +231,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [48, 40];
 
-    /// Something with edges and gradients.
+    /// A picture with edges and gradients.
     fn scene() -> Vec<[f32; 4]> {
         let texel = |i: u32| {
             let (x, y) = (i % SIZE[0], i / SIZE[0]);
@@ -261,7 +267,7 @@ mod tests {
         // sRGB(0.5) − sRGB(0.25) = 0.735357 − 0.537099
         assert!((m.psnr - -10.0 * (third * 0.198258f64.powi(2)).log10()).abs() < 1e-3, "{}", m.psnr);
         assert!((m.max_abs - 0.25).abs() < 1e-9 && (m.mean_ratio - 4.0 * third).abs() < 1e-6);
-        // flat pictures have no structure: the luminance term of one channel of three
+        // Flat pictures have no structure, so the luminance term of one channel of three is left.
         let (x, y) = (0.735_357_f64, 0.537_099_f64);
         let expected = (2.0 + (2.0 * x * y + 1e-4) / (x * x + y * y + 1e-4)) / 3.0;
         assert!((m.ssim - expected).abs() < 1e-4, "{} instead of {expected}", m.ssim);

@@ -1,11 +1,12 @@
-//! Measuring: what a frame costs, and how far a picture is from another.
+//! Measures what a frame costs, and how far a picture is from another.
 
 pub mod bench;
 pub mod chart;
 pub mod choice;
+pub mod clock;
 pub mod metrics;
 pub mod motion;
 pub mod rays;
 pub mod regions;
 pub mod score;
-pub mod temporal;
+pub mod sequence;

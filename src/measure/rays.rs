@@ -1,5 +1,5 @@
-//! `bench --rays`: how many rays a second the panorama's tracer answers, by kind of ray and size of the depth map, and what preparing a
-//! video frame for it costs.
+//! `bench --rays` measures how many rays a second the panorama's tracer answers, by kind of ray and by size
+//! of the depth map. It also measures what preparing a video frame for the tracer costs.
 
 use crate::{
     Error, Result,
@@ -19,73 +19,75 @@ use std::{
     fmt::Write,
 };
 
-use super::bench::quantile;
+use super::clock::quantile;
 
-/// Columns and rows of each set's picture: one ray a pixel, in tiles of 8×8 as a workgroup has them.
+/// Columns and rows of each set's picture. There is one ray for each pixel, in tiles of 8×8 like a workgroup.
 const PICTURE: [u32; 2] = [512, 256];
 
-/// The kinds of rays.
+/// The names of the kinds of rays.
 pub const SETS: [&str; 3] = ["coherent", "cosine", "silhouettes"];
 
-/// Steps of the march that is measured beside the surface's own tracer.
+/// Number of steps of the march that is measured beside the exact tracer.
 const MARCH_STEPS: u32 = 32;
 
-/// The tracers, by name.
+/// The tracers and their names.
 const TRACERS: [(&str, Tracer); 2] = [("surface", Tracer::Surface), ("march", Tracer::March(MARCH_STEPS))];
 
-/// One kind of ray and one tracer.
+/// The rate of one tracer for one kind of ray.
 #[derive(Clone, Debug, Serialize)]
 pub struct SetRate {
-    /// Of [`SETS`].
+    /// One of [`SETS`].
     pub name: &'static str,
-    /// `surface`: exact; `march`: in steps through the depth.
+    /// `surface` is exact, `march` goes in steps through the depth.
     pub tracer: &'static str,
-    /// Median over the repetitions, million rays a second of GPU time.
+    /// Million rays a second of GPU time, as the median over the repetitions.
     pub mrays_per_second: f64,
-    /// The slowest repetition.
+    /// The rate of the slowest repetition.
     pub slowest: f64,
-    /// The fastest.
+    /// The rate of the fastest repetition.
     pub fastest: f64,
-    /// Share of rays that hit something.
+    /// The share of the rays that hit something.
     pub hits: f64,
-    /// Share of rays of which this tracer says the same as `surface`: free, or a hit within 2 % of its distance.
+    /// The share of the rays for which this tracer gives the same answer as `surface`: both are free, or both
+    /// hit at distances that differ by at most 2 %.
     pub same: f64,
 }
 
-/// One size of the depth map.
+/// The results for one size of the depth map.
 #[derive(Clone, Debug, Serialize)]
 pub struct SizeRates {
     /// Width and height, texels.
     pub size: [u32; 2],
-    /// Median milliseconds of `normals`, once a video frame.
+    /// Median time of `normals` in milliseconds, once a video frame.
     pub normals_ms: f64,
-    /// Median milliseconds of `depth_pyramid`, once a video frame.
+    /// Median time of `depth_pyramid` in milliseconds, once a video frame.
     pub depth_pyramid_ms: f64,
-    /// Bytes of what `depth_pyramid` writes.
+    /// Number of bytes that `depth_pyramid` writes.
     pub pyramid_bytes: u64,
-    /// A scene without depth edges has no silhouettes.
+    /// The sets of rays. A scene without depth edges has no silhouettes.
     pub sets: Vec<SetRate>,
 }
 
-/// What `bench --rays --json` writes.
+/// The content of the file that `bench --rays --json` writes.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct RaysReport {
     /// Vulkan device name.
     pub device: String,
     /// Driver name and version.
     pub driver: String,
     /// Scene name.
     pub scene: String,
-    /// Rays of a set.
+    /// Number of rays in a set.
     pub rays: u32,
     /// How often each set was traced.
     pub repetitions: u32,
-    /// In the order asked for.
+    /// The sizes in the order in which they were asked for.
     pub sizes: Vec<SizeRates>,
 }
 
-/// Measures the scene's first panorama frame, its depth resampled to each of `sizes`. Sizes and sets take turns, so that a slow minute is
-/// everyone's. `progress` is called `repetitions · sizes` times.
+/// Measures the first frame of the scene's panorama, with its depth resampled to each of `sizes`. Sizes and
+/// sets take turns, so that a slow minute of the machine hits all of them. `progress` is called `repetitions
+/// · sizes` times.
 pub fn run(
     gpu: &Gpu,
     scene: &Scene,
@@ -93,8 +95,8 @@ pub fn run(
     sizes: &[[u32; 2]],
     repetitions: u32,
     mut progress: impl FnMut(),
-) -> Result<Report> {
-    struct Case {
+) -> Result<RaysReport> {
+    struct SizeRun {
         size: [u32; 2],
         tracers: Vec<(&'static str, RayTracer)>,
         sets: Vec<(&'static str, RaySet, [Vec<f64>; TRACERS.len()])>,
@@ -105,7 +107,7 @@ pub fn run(
     let mut cases = Vec::new();
     for &size in sizes {
         let depth = resample(&frame, size)?;
-        let surface = Surface { size, depth: &depth.depth, yaw_degrees, edge_ratio: f64::from(settings.edge_ratio) };
+        let surface = DepthMesh { size, depth: &depth.depth, yaw_degrees, edge_ratio: f64::from(settings.edge_ratio) };
         let tracers = TRACERS.map(|(name, kind)| Ok((name, RayTracer::new(gpu, &depth, yaw_degrees, settings, kind)?)));
         let tracers = tracers.into_iter().collect::<Result<Vec<_>>>()?;
         let mut sets = Vec::new();
@@ -118,7 +120,7 @@ pub fn run(
                 sets.push((name, set, std::array::from_fn(|_| Vec::new())));
             }
         }
-        cases.push(Case { size, tracers, sets, normals: Vec::new(), pyramid: Vec::new() });
+        cases.push(SizeRun { size, tracers, sets, normals: Vec::new(), pyramid: Vec::new() });
     }
     for _ in 0..repetitions {
         for case in &mut cases {
@@ -134,7 +136,7 @@ pub fn run(
             progress();
         }
     }
-    let mut report = Report {
+    let mut report = RaysReport {
         device: gpu.device_name().to_owned(),
         driver: gpu.driver().to_owned(),
         scene: scene.name.clone(),
@@ -178,8 +180,8 @@ pub fn run(
     Ok(report)
 }
 
-impl Report {
-    /// For people.
+impl RaysReport {
+    /// The report as a table for people.
     pub fn table(&self) -> String {
         let mut out = String::new();
         let _ = writeln!(out, "{} ({}), {}", self.device, self.driver, self.scene);
@@ -220,8 +222,9 @@ impl Report {
     }
 }
 
-/// The frame's depth at another size, with no radiance. Between texels that belong together inverse depth is interpolated, since
-/// it is linear in direction on planes; at an edge the nearest texel is taken, so that none is smeared.
+/// Resamples the frame's depth to another size, with black radiance. Inverse depth is linear in direction on
+/// planes, so it is interpolated between texels that belong together. At an edge the nearest texel is taken,
+/// so that no edge is smeared.
 fn resample(frame: &PanoramaFrame, size: [u32; 2]) -> Result<PanoramaFrame> {
     let [width, height] = frame.depth_size;
     if size.contains(&0) || size.iter().any(|n| *n > 1 << 15) {
@@ -260,22 +263,23 @@ fn resample(frame: &PanoramaFrame, size: [u32; 2]) -> Result<PanoramaFrame> {
     })
 }
 
-/// The vertices of a depth map, and rays from them.
-struct Surface<'a> {
+/// A depth map as a mesh. It makes the rays.
+struct DepthMesh<'a> {
     size: [u32; 2],
     depth: &'a [f32],
     yaw_degrees: f32,
     edge_ratio: f64,
 }
 
-impl Surface<'_> {
+impl DepthMesh<'_> {
     fn vertex(&self, i: u32, j: u32) -> (DVec3, f64) {
         let depth = f64::from(self.depth[(j * self.size[0] + i % self.size[0]) as usize]);
         let direction = panorama_to_world(texel_direction(i % self.size[0], j, self.size), self.yaw_degrees.into());
         (direction * depth, depth)
     }
 
-    /// A point on the surface near a place of the image (0..1), and the normal towards the centre; none at holes and edges.
+    /// Returns a point on the surface near a place in the image (0..1), and the normal that points to the
+    /// centre. There is none at holes and edges.
     fn point(&self, uv: DVec2, random: &mut fastrand::Rng) -> Option<(DVec3, DVec3)> {
         let i = (uv.x * f64::from(self.size[0])) as u32 % self.size[0];
         let j = ((uv.y * f64::from(self.size[1])) as u32).min(self.size[1].checked_sub(2)?);
@@ -292,7 +296,7 @@ impl Surface<'_> {
         Some((point, if normal.dot(point) > 0.0 { -normal } else { normal }))
     }
 
-    /// Calls `ray` with the pixels of the picture, 0..1, in tiles.
+    /// Calls `ray` with the place (0..1) of every pixel of the picture, tile by tile.
     fn tiles(ray: impl FnMut(DVec2) -> Option<TracedRay>) -> Vec<TracedRay> {
         let pixel = |k: u32| {
             let (tile, within) = (k / 64, k % 64);
@@ -303,12 +307,13 @@ impl Surface<'_> {
         (0..PICTURE[0] * PICTURE[1]).map(pixel).filter_map(ray).collect()
     }
 
-    /// Where a pixel of an equal-area picture of all directions lies in the panorama.
+    /// Maps a pixel of an equal-area picture of all directions to its place in the panorama.
     fn equal_area(pixel: DVec2) -> DVec2 {
         DVec2::new(pixel.x, (1.0 - 2.0 * pixel.y).acos() / std::f64::consts::PI)
     }
 
-    /// A camera's rays, a third of the way from the centre to what lies ahead; 60° high.
+    /// Rays of a camera that stands a third of the way from the centre to what lies ahead. Its picture is 60°
+    /// high.
     fn coherent(&self) -> Vec<TracedRay> {
         let ahead = self.vertex(self.size[0] / 2, self.size[1] / 2).0;
         let forward = ahead.normalize_or(DVec3::NEG_Z);
@@ -322,7 +327,7 @@ impl Surface<'_> {
         })
     }
 
-    /// From the surface in each direction from the centre, cosine-distributed.
+    /// Cosine-distributed rays from the surface in each direction from the centre.
     fn cosine(&self) -> Vec<TracedRay> {
         let mut random = fastrand::Rng::with_seed(1);
         Self::tiles(|p| {
@@ -334,7 +339,7 @@ impl Surface<'_> {
         })
     }
 
-    /// From the same points past foreground edges, within a texel of them.
+    /// Rays from the same points past foreground edges, at most a texel away from them.
     fn silhouettes(&self) -> Vec<TracedRay> {
         let mut edges = Vec::new();
         for j in 0..self.size[1] {
@@ -388,7 +393,7 @@ mod tests {
     #[test]
     fn rays_start_inside_and_look_inside() {
         let frame = room([256, 128]);
-        let surface = Surface { size: [256, 128], depth: &frame.depth, yaw_degrees: 0.0, edge_ratio: 0.1 };
+        let surface = DepthMesh { size: [256, 128], depth: &frame.depth, yaw_degrees: 0.0, edge_ratio: 0.1 };
         for rays in [surface.coherent(), surface.cosine()] {
             assert!(rays.len() > 100_000);
             for r in rays {

@@ -1,4 +1,5 @@
-//! The regions of a picture that errors are told apart by: where virtual objects are seen, and which real pixels they change.
+//! Splits a picture into the regions by which errors are reported: where virtual objects are seen, and which
+//! real pixels they change.
 
 use crate::{
     Result,
@@ -13,20 +14,21 @@ use crate::{
 };
 use rayon::prelude::*;
 
-/// A change of a 5×5 mean's luminance above this share is influence.
+/// Objects influence a pixel if they change the luminance of its 5×5 mean by more than this share.
 const INFLUENCE: f32 = 0.02;
 
-/// Masks, one value a pixel.
+/// The masks of the regions, with one value for each pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Regions {
-    /// Less than half of the pixel is real.
+    /// Pixels that are less than half real.
     pub virtual_: Vec<bool>,
-    /// Real pixels about which the mean radiance changes by more than 2 %.
+    /// Real pixels whose 5×5 mean of radiance changes by more than 2 %.
     pub influenced: Vec<bool>,
 }
 
-/// From pictures of the truth with and without the objects, linear radiance, and the share `real_coverage` (M) of each pixel that
-/// is real. Means are over the 5×5 pixels about each, those of them that are in the picture; their Rec. 709 luminance counts.
+/// Finds the regions from two truths in linear radiance, with and without the objects, and from the real
+/// share `real_coverage` (M) of each pixel. Each mean is the Rec. 709 luminance over the 5×5 pixels around a
+/// pixel, as far as they are in the picture.
 pub fn regions(size: [u32; 2], with: &[[f32; 4]], without: &[[f32; 4]], real_coverage: &[f32]) -> Regions {
     let virtual_: Vec<bool> = real_coverage.iter().map(|m| *m < 0.5).collect();
     let (before, after) = (means(size, without), means(size, with));
@@ -36,7 +38,7 @@ pub fn regions(size: [u32; 2], with: &[[f32; 4]], without: &[[f32; 4]], real_cov
     Regions { virtual_, influenced }
 }
 
-/// Mean luminance of the 5×5 pixels about each.
+/// Mean luminance of the 5×5 pixels around each pixel.
 fn means(size: [u32; 2], texels: &[[f32; 4]]) -> Vec<f32> {
     let [width, height] = size.map(|side| side as usize);
     let mean = |index: usize| {
@@ -53,11 +55,12 @@ fn means(size: [u32; 2], texels: &[[f32; 4]]) -> Vec<f32> {
     (0..width * height).into_par_iter().map(mean).collect()
 }
 
-/// By model truth: the converged model of `options`, which have objects, at `time` seconds. Nothing in the picture without objects is random,
-/// so only that with them takes `samples` paths a pixel. `progress` is called `samples` + 1 times.
+/// Finds the regions by model truth: the converged model of `options`, which include the objects, at `time`
+/// seconds. Nothing in the picture without objects is random, so only the picture with objects takes
+/// `samples` paths a pixel. `progress` is called `samples` + 1 times.
 ///
 /// # Errors
-/// As [`Renderer`].
+/// Fails if the renderer fails.
 pub fn of_model(
     gpu: &Gpu,
     scene: &Scene,
@@ -79,11 +82,13 @@ pub fn of_model(
     Ok(regions(options.size, &renderer.picture()?, &without, &coverage(&renderer)?))
 }
 
-/// By scene truth, `with` objects and `without`, frame `frame`. Both take the same random numbers, so that where the objects have no influence their
-/// noise is the same, and are filtered, so that a few samples are enough. Which pixels are virtual, the renderer says. `progress` is called 2 · `samples` times.
+/// Finds the regions by scene truth, from the true scene `with` and `without` the objects at frame `frame`.
+/// Both pictures take the same random numbers, so that their noise is the same where the objects have no
+/// influence. Both are filtered, so that a few samples are enough. The renderer tells which pixels are
+/// virtual. `progress` is called 2 · `samples` times.
 ///
 /// # Errors
-/// As [`Renderer`] and [`PathTracer`](crate::reference::path_trace::PathTracer).
+/// Fails if the renderer or the [`PathTracer`](crate::reference::path_trace::PathTracer) fails.
 pub fn of_scene(
     gpu: &Gpu,
     scene: &Scene,
@@ -109,7 +114,7 @@ pub fn of_scene(
     Ok(regions(renderer.options().size, &with, &without, &coverage(&renderer)?))
 }
 
-/// M of each pixel.
+/// The real share M of each pixel.
 fn coverage(renderer: &Renderer) -> Result<Vec<f32>> {
     Ok(renderer.aov("real_coverage")?.iter().map(|texel| texel[0]).collect())
 }
@@ -124,9 +129,9 @@ mod tests {
         let without = vec![[1.0, 1.0, 1.0, 1.0]; 72];
         let mut with = without.clone();
         let mut coverage = vec![1.0; 72];
-        // An object in one pixel, and half a pixel of one that still counts as real.
+        // One pixel shows an object. Another one is half an object, and still counts as real.
         (coverage[8 * 9 - 1], coverage[0]) = (0.49, 0.5);
-        // 25 · 2.1 % of the mean, at (3, 3).
+        // The 5×5 mean at (3, 3) changes by 2.1 %.
         with[3 * 9 + 3] = [1.525, 1.525, 1.525, 1.0];
         let found = regions(size, &with, &without, &coverage);
         for (i, (hidden, influenced)) in found.virtual_.iter().zip(&found.influenced).enumerate() {
@@ -136,7 +141,7 @@ mod tests {
         }
         with[3 * 9 + 3] = [1.475, 1.475, 1.475, 1.0];
         let found = regions(size, &with, &without, &coverage);
-        // 1.9 % in a whole window, but more where the picture's edge cuts it.
+        // A whole window changes by 1.9 %, a window that the picture's edge cuts changes by more.
         assert!(!found.influenced[3 * 9 + 3] && found.influenced[9 + 2], "{:?}", found.influenced);
     }
 

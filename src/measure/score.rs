@@ -1,8 +1,9 @@
-//! How far a picture is from both truths, by region.
+//! Scores pictures against both truths, by region.
 //!
-//! Against *model truth* pictures are compared as they are. Against *scene truth* real pixels are scored on the relighting: the
-//! yardstick there is L_cam · (truth with objects / truth without), so that the panorama's resolution is not counted as the
-//! method's error. Where a pixel is not wholly real the yardstick is the truth itself.
+//! A picture is compared with *model truth* as it is. Against *scene truth*, real pixels are scored on the
+//! relighting: their yardstick is L_cam · (truth with objects / truth without). The panorama's resolution is
+//! then not counted as the method's error. Where a pixel is not wholly real, the yardstick is the truth
+//! itself.
 
 use super::{
     metrics::{Metrics, Picture, compare_regions},
@@ -19,15 +20,15 @@ use crate::{
 };
 use serde::{Deserialize, Serialize};
 
-/// Below this radiance truth without objects is not divided by.
+/// Where the truth without objects is darker than this radiance, it is not divided by.
 const LEAST: f32 = 1e-4;
 
-/// Metrics by region; none where no pixel is in it.
+/// Metrics by region. A region without a pixel has none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// All pixels.
     pub whole: Metrics,
-    /// Less than half real.
+    /// Pixels that are less than half real.
     #[serde(rename = "virtual")]
     pub virtual_: Option<Metrics>,
     /// Real pixels that objects change by more than 2 %.
@@ -47,41 +48,72 @@ impl Score {
     }
 }
 
-/// The regions' names, in the order of all tables.
+/// The names of the regions, in the order of all tables.
 pub const REGIONS: [&str; 3] = ["whole", "virtual", "influenced"];
 
-/// A picture against both truths.
+/// The scores of a picture against both truths.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
-    /// What sampling, sparsity and filtering cost (with other geometry, as `ibl` has: that, too).
+    /// What sampling, sparsity and filtering cost. It includes the cost of another geometry where the method
+    /// has one, as `ibl` has.
     pub model: Score,
-    /// What the model costs as well; only where the true scene is known.
+    /// What the model costs in addition. It is there only if the true scene is known.
     pub scene: Option<Score>,
 }
 
-/// A truth that pictures are held against, with its own noise.
+/// The truth that a picture is compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TruthKind {
+    /// The truth that `reference --model panorama` computes.
+    Model,
+    /// The truth that `reference --model scene` computes.
+    Scene,
+}
+
+impl TruthKind {
+    /// Both kinds, the better one first.
+    pub const ALL: [Self; 2] = [Self::Scene, Self::Model];
+
+    /// The name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Model => "model truth",
+            Self::Scene => "scene truth",
+        }
+    }
+
+    /// The score against this truth, if there is one.
+    pub fn of(self, scores: &Scores) -> Option<&Score> {
+        match self {
+            Self::Model => Some(&scores.model),
+            Self::Scene => scores.scene.as_ref(),
+        }
+    }
+}
+
+/// A truth that pictures are compared with, and its own noise.
 #[derive(Clone, Debug)]
 pub struct Yardstick {
     /// Linear radiance.
     pub radiance: Vec<[f32; 4]>,
-    /// The difference of two halves of the truth, each of half the samples.
+    /// The score of one half of the truth against the other half. Each half has half of the samples.
     pub noise: Score,
 }
 
 impl Yardstick {
-    /// Model truth.
+    /// Makes a yardstick of model truth.
     ///
     /// # Errors
-    /// Regions of another size, radiance that is not finite.
+    /// Fails if the regions have another size, or if a radiance is not finite.
     pub fn of_model(truth: &Truth, regions: &Regions, exposure: f32) -> Result<Self> {
         let noise = score(truth.size, &truth.halves[0], &truth.halves[1], regions, exposure)?;
         Ok(Self { radiance: truth.radiance.clone(), noise })
     }
 
-    /// Scene truth, from those with the objects and without.
+    /// Makes a yardstick of scene truth, from the truths with the objects and without.
     ///
     /// # Errors
-    /// Truths of other sizes than the view, radiance that is not finite.
+    /// Fails if the truths have another size than the view, or if a radiance is not finite.
     pub fn of_scene(view: &RealView, truths: [&Truth; 2], regions: &Regions, exposure: f32) -> Result<Self> {
         let [with, without] = truths;
         let halves = [0, 1].map(|i| relit(view, &with.halves[i], &without.halves[i]));
@@ -89,10 +121,10 @@ impl Yardstick {
         Ok(Self { radiance: relit(view, &with.radiance, &without.radiance), noise })
     }
 
-    /// The picture without objects as its own truth: exact, and of one region alone.
+    /// Makes a yardstick of the picture without objects. It is exact, and it has only one region.
     ///
     /// # Errors
-    /// Radiance that is not finite.
+    /// Fails if a radiance is not finite.
     pub fn of_nothing(view: &RealView, size: [u32; 2], regions: &Regions, exposure: f32) -> Result<Self> {
         let radiance = view.camera_radiance.clone();
         Ok(Self { noise: score(size, &radiance, &radiance, regions, exposure)?, radiance })
@@ -101,25 +133,25 @@ impl Yardstick {
     /// Scores a picture of linear radiance.
     ///
     /// # Errors
-    /// Another size, radiance that is not finite.
+    /// Fails if the picture has another size, or if a radiance is not finite.
     pub fn score(&self, size: [u32; 2], picture: &[[f32; 4]], regions: &Regions, exposure: f32) -> Result<Score> {
         score(size, picture, &self.radiance, regions, exposure)
     }
 }
 
-/// What is real of a view: the panorama alone, and each pixel's share M of it.
+/// The real part of a view.
 #[derive(Clone, Debug)]
 pub struct RealView {
-    /// The picture without objects, L_cam.
+    /// The picture of the panorama alone, without objects (L_cam).
     pub camera_radiance: Vec<[f32; 4]>,
-    /// M.
+    /// Each pixel's real share M.
     pub real_coverage: Vec<f32>,
 }
 
-/// Renders what [`RealView`] holds, at a time in seconds. Nothing of it is random.
+/// Renders the real part of a view at a time in seconds. Nothing in it is random.
 ///
 /// # Errors
-/// As [`Renderer::new`].
+/// Fails if the renderer fails.
 pub fn real_view(gpu: &Gpu, scene: &Scene, options: &RenderOptions, time: f64) -> Result<RealView> {
     let mut settings = Settings::of(Method::Reference);
     (settings.relight_levels, settings.bounces) = (0, 1);
@@ -135,26 +167,26 @@ pub fn real_view(gpu: &Gpu, scene: &Scene, options: &RenderOptions, time: f64) -
     Ok(RealView { camera_radiance, real_coverage })
 }
 
-/// Truths of one view, ready to score pictures of it.
+/// The truths of one view, ready to score pictures of it.
 #[derive(Clone, Debug)]
 pub struct Scorer {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Factor on radiance for display.
+    /// Factor on radiance before display.
     pub exposure: f32,
-    /// From scene truth where it is known, else from model truth.
+    /// The regions by scene truth if it is known, otherwise by model truth.
     pub regions: Regions,
-    /// Against `reference --model panorama`.
+    /// Model truth.
     pub model: Yardstick,
-    /// Against `reference --model scene`.
+    /// Scene truth, if it is known.
     pub scene: Option<Yardstick>,
 }
 
 impl Scorer {
-    /// `scene` is its truth with the objects and without.
+    /// Prepares the truths. `scene` is scene truth with the objects and without.
     ///
     /// # Errors
-    /// Truths of other sizes than the view, radiance that is not finite.
+    /// Fails if the truths have another size than the view, or if a radiance is not finite.
     pub fn new(
         view: &RealView,
         regions: Regions,
@@ -171,13 +203,13 @@ impl Scorer {
     /// Scores a picture of linear radiance.
     ///
     /// # Errors
-    /// Another size, radiance that is not finite.
+    /// Fails if the picture has another size, or if a radiance is not finite.
     pub fn score(&self, picture: &[[f32; 4]]) -> Result<Scores> {
         let against = |truth: &Yardstick| truth.score(self.size, picture, &self.regions, self.exposure);
         Ok(Scores { model: against(&self.model)?, scene: self.scene.as_ref().map(against).transpose()? })
     }
 
-    /// Scene truth where it is known, else model truth.
+    /// Scene truth if it is known, otherwise model truth.
     pub fn best(&self) -> &Yardstick {
         self.scene.as_ref().unwrap_or(&self.model)
     }
@@ -193,7 +225,7 @@ fn score(size: [u32; 2], test: &[[f32; 4]], truth: &[[f32; 4]], regions: &Region
     Ok(Score { whole, virtual_, influenced })
 }
 
-/// The yardstick of scene truth: L_cam · (with / without) where a pixel is wholly real, else `with`.
+/// The yardstick of scene truth: L_cam · (with / without) where a pixel is wholly real, otherwise `with`.
 fn relit(view: &RealView, with: &[[f32; 4]], without: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let texel = |i: usize| {
         let (camera, with, without) = (view.camera_radiance[i], with[i], without[i]);
@@ -226,7 +258,8 @@ mod tests {
         truth([texels.to_vec(), texels.to_vec()])
     }
 
-    /// The left third is an object, the middle third is in its shadow, which halves the light. The panorama is a tenth too dark.
+    /// The left third is an object. The middle third is in its shadow, which halves the light. The panorama
+    /// is a tenth too dark.
     fn shadow() -> (RealView, Truth, Truth, Truth) {
         let third = |i: usize| i % 24 / 8;
         let without = grey(|_| 0.5);
@@ -251,7 +284,8 @@ mod tests {
             assert!(metrics.rmse < 1e-6 && metrics.flip < 1e-3, "{region}: {metrics:?}");
         }
         assert_eq!(scores.model.virtual_.expect("an object").pixels, 8 * 16);
-        // the 5×5 windows at the shadow's edge reach 2 pixels into the light; those by the object see it
+        // At the shadow's edge the 5×5 windows reach 2 pixels into the light. Beside the object they include
+        // the object.
         assert_eq!(scores.model.influenced.expect("a shadow").pixels, 10 * 16);
     }
 
@@ -263,7 +297,7 @@ mod tests {
         let lit = grey(|i| if i % 24 < 8 { 0.7 } else { 0.45 });
         let score = scorer.score(&lit).expect("scores").scene.expect("known");
         assert!((score.virtual_.expect("an object").rmse) < 1e-6);
-        // 8 of 10 columns lack a shadow of 0.225
+        // 8 of 10 columns lack a shadow of 0.225.
         let expected = 0.225 * (0.8f64).sqrt();
         assert!((score.influenced.expect("a shadow").rmse - expected).abs() < 1e-6);
     }

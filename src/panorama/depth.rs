@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 
 /// How stored codes stand for metres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Encoding {
+pub enum DepthEncoding {
     /// Radial distance: scale·(v + offset).
     Radial,
     /// Radial distance: scale/(v + offset).
@@ -35,7 +35,7 @@ pub enum Quantisation {
 /// The rule from codes to metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rule {
-    pub encoding: Encoding,
+    pub encoding: DepthEncoding,
     pub scale: f64,
     pub offset: f64,
     /// Codes that are holes.
@@ -52,9 +52,9 @@ impl Rule {
             }
             let stored = code + self.offset;
             let metres = match self.encoding {
-                Encoding::Radial => self.scale * stored,
-                Encoding::Disparity => self.scale / stored,
-                Encoding::Planar => {
+                DepthEncoding::Radial => self.scale * stored,
+                DepthEncoding::Disparity => self.scale / stored,
+                DepthEncoding::Planar => {
                     let (column, row) = (index as u32 % size[0], index as u32 / size[0]);
                     self.scale * stored / texel_direction(column, row, size).abs().max_element()
                 }
@@ -68,8 +68,8 @@ impl Rule {
     /// The code spacing of integer images.
     pub fn quantisation(&self) -> Quantisation {
         match self.encoding {
-            Encoding::Disparity => Quantisation::Disparity { step: (1.0 / self.scale).abs() as f32 },
-            Encoding::Radial | Encoding::Planar => Quantisation::Radial { step: self.scale.abs() as f32 },
+            DepthEncoding::Disparity => Quantisation::Disparity { step: (1.0 / self.scale).abs() as f32 },
+            DepthEncoding::Radial | DepthEncoding::Planar => Quantisation::Radial { step: self.scale.abs() as f32 },
         }
     }
 }
@@ -93,22 +93,22 @@ pub fn box_depth(size: [u32; 2], extent: Vec3, center: Vec3, yaw_degrees: f64) -
 mod tests {
     use super::*;
 
-    fn rule(encoding: Encoding, scale: f64, offset: f64) -> Rule {
+    fn rule(encoding: DepthEncoding, scale: f64, offset: f64) -> Rule {
         Rule { encoding, scale, offset, invalid: vec![0.0] }
     }
 
     #[test]
     fn codes_become_metres_and_bad_ones_holes() {
         let codes = [0.0, 1.0, 4.0, -3.0, f32::NAN, f32::INFINITY];
-        assert_eq!(rule(Encoding::Radial, 0.5, 1.0).metres(&codes, [6, 1]), [0.0, 1.0, 2.5, 0.0, 0.0, 0.0]);
-        assert_eq!(rule(Encoding::Disparity, 6.0, -1.0).metres(&codes, [6, 1]), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
+        assert_eq!(rule(DepthEncoding::Radial, 0.5, 1.0).metres(&codes, [6, 1]), [0.0, 1.0, 2.5, 0.0, 0.0, 0.0]);
+        assert_eq!(rule(DepthEncoding::Disparity, 6.0, -1.0).metres(&codes, [6, 1]), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
     }
 
     #[test]
     fn planar_depth_of_a_cube_is_constant() {
         let size = [32, 16];
         let cube = box_depth(size, Vec3::splat(4.0), Vec3::ZERO, 0.0);
-        let planar = rule(Encoding::Planar, 2.0, 0.0).metres(&vec![1.0; 512], size);
+        let planar = rule(DepthEncoding::Planar, 2.0, 0.0).metres(&vec![1.0; 512], size);
         assert!(cube.iter().zip(&planar).all(|(a, b)| (a - b).abs() < 1e-5));
     }
 

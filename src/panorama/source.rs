@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    image_file::{CodeImage, ColorImage, Image, Raster, Samples, read},
+    image_file::{CodeImage, ColorImage, FileImage, Raster, Samples, read},
 };
 use glam::Vec3;
 use std::{
@@ -86,7 +86,7 @@ pub struct PanoramaSpec {
 /// A sequence of panorama frames.
 #[derive(Clone, Debug)]
 pub struct PanoramaSource {
-    frames: Frames,
+    frames: FrameSource,
     /// Frames a second.
     pub fps: f64,
     /// The capture point in the world, metres.
@@ -98,7 +98,7 @@ pub struct PanoramaSource {
 }
 
 #[derive(Clone, Debug)]
-enum Frames {
+enum FrameSource {
     Memory(Arc<Vec<PanoramaFrame>>),
     Files { spec: Box<PanoramaSpec>, color: Pattern, depth: Option<Pattern>, numbers: Vec<u32> },
 }
@@ -115,13 +115,13 @@ impl PanoramaSource {
             let problem = "no frames, or arrays that do not fit their sizes";
             return Err(Error::input("panorama", problem, "give width × height texels"));
         }
-        Ok(Self { frames: Frames::Memory(Arc::new(frames)), fps, position, yaw_degrees, inverse_tonemap: 1.0 })
+        Ok(Self { frames: FrameSource::Memory(Arc::new(frames)), fps, position, yaw_degrees, inverse_tonemap: 1.0 })
     }
 
     /// The factor on radiance that was applied on loading.
     pub fn exposure(&self) -> f32 {
         match &self.frames {
-            Frames::Files { spec, .. } if spec.exposure > 0.0 => spec.exposure,
+            FrameSource::Files { spec, .. } if spec.exposure > 0.0 => spec.exposure,
             _ => 1.0,
         }
     }
@@ -171,15 +171,15 @@ impl PanoramaSource {
         }
         let (fps, position, yaw_degrees) = (spec.fps, spec.position, spec.yaw_degrees);
         let inverse_tonemap = spec.inverse_tonemap;
-        let frames = Frames::Files { spec: Box::new(spec), color, depth, numbers };
+        let frames = FrameSource::Files { spec: Box::new(spec), color, depth, numbers };
         Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap })
     }
 
     /// How many frames there are, at least 1.
     pub fn frame_count(&self) -> usize {
         match &self.frames {
-            Frames::Memory(frames) => frames.len(),
-            Frames::Files { numbers, .. } => numbers.len(),
+            FrameSource::Memory(frames) => frames.len(),
+            FrameSource::Files { numbers, .. } => numbers.len(),
         }
     }
 
@@ -202,8 +202,8 @@ impl PanoramaSource {
     pub fn load(&self, index: usize) -> Result<PanoramaFrame> {
         let index = index.min(self.frame_count() - 1);
         match &self.frames {
-            Frames::Memory(frames) => Ok(frames[index].clone()),
-            Frames::Files { spec, color, depth, numbers } => {
+            FrameSource::Memory(frames) => Ok(frames[index].clone()),
+            FrameSource::Files { spec, color, depth, numbers } => {
                 let number = numbers[index];
                 load_frame(spec, &color.file(number), depth.as_ref().map(|depth| depth.file(number)).as_deref())
             }
@@ -296,7 +296,7 @@ fn finish_color(
 }
 
 /// Splits an image that holds colour and depth.
-fn unpack(image: Image, packing: Packing, subject: &str) -> Result<(ColorImage, CodeImage)> {
+fn unpack(image: FileImage, packing: Packing, subject: &str) -> Result<(ColorImage, CodeImage)> {
     let too_small = |size: [u32; 2]| {
         let problem = format!("is {}x{}, too small to hold colour and depth", size[0], size[1]);
         Error::input(subject, problem, "check packing")
@@ -313,9 +313,9 @@ fn unpack(image: Image, packing: Packing, subject: &str) -> Result<(ColorImage, 
         let crop = |from| Crop { whole: size, from, size: half };
         Ok([crop([0, 0]), crop(from)])
     };
-    let crop_image = |image: &Image, which: usize| -> Result<Image> {
+    let crop_image = |image: &FileImage, which: usize| -> Result<FileImage> {
         Ok(match image {
-            Image::Raster(raster) => {
+            FileImage::Raster(raster) => {
                 let crop = halves(raster.size)?[which];
                 let samples = match &raster.samples {
                     Samples::U8(values) => Samples::U8(crop.apply(values, raster.channels)),
@@ -323,9 +323,9 @@ fn unpack(image: Image, packing: Packing, subject: &str) -> Result<(ColorImage, 
                     Samples::F32(values) => Samples::F32(crop.apply(values, raster.channels)),
                 };
                 // A packed PNG came from a video more often than not, so slightly coloured greys are expected.
-                Image::Raster(Raster { size: crop.size, channels: raster.channels, samples, lossy: true })
+                FileImage::Raster(Raster { size: crop.size, channels: raster.channels, samples, lossy: true })
             }
-            Image::Exr(layers) => {
+            FileImage::Exr(layers) => {
                 let mut layers = layers.clone();
                 for layer in &mut layers {
                     let crop = halves(layer.size)?[which];
@@ -334,7 +334,7 @@ fn unpack(image: Image, packing: Packing, subject: &str) -> Result<(ColorImage, 
                         *values = crop.apply(values, 1);
                     }
                 }
-                Image::Exr(layers)
+                FileImage::Exr(layers)
             }
         })
     };

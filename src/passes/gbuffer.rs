@@ -20,8 +20,8 @@ pub const SCENE_STRUCTS: &[StructLayout] = &[
     struct_layout::<packed::Vertex>("Vertex"),
     struct_layout::<packed::BvhNode>("BvhNode"),
     struct_layout::<packed::Instance>("Instance"),
-    struct_layout::<packed::Material>("Material"),
-    struct_layout::<packed::Texture>("Texture"),
+    struct_layout::<packed::PackedMaterial>("Material"),
+    struct_layout::<packed::PackedTexture>("Texture"),
     struct_layout::<super::view::ViewData>("View"),
 ];
 

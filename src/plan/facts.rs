@@ -23,6 +23,8 @@ pub enum CameraPlace {
     Away(f32),
     /// There at some time, perhaps.
     Both(f32),
+    /// A user moves it by hand.
+    Anywhere,
 }
 
 /// The least share of light above the mean at which `light_table.comp` draws lights, less what rounding may make of it.
@@ -78,7 +80,7 @@ impl Facts {
             Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, Quat::IDENTITY),
         };
         let moving = scene.moving_object().filter(|_| instances > 0).map(|name| format!("{name} moves"));
-        let materials = |has: &dyn Fn(&packed::Material) -> bool| {
+        let materials = |has: &dyn Fn(&packed::PackedMaterial) -> bool| {
             let all = &scene.packed.materials;
             let some = all.iter().filter(|material| has(material)).count();
             (some > 0 && instances > 0).then(|| format!("{some} of {} materials", all.len()))
@@ -111,6 +113,20 @@ impl Facts {
             alone: if instances == 0 { Ok(()) } else { alone(scene, &first, still && moving.is_none()) },
             moving,
         })
+    }
+
+    /// The same scene in a window. The user can move the camera and the objects by hand, so nothing is known of their places.
+    /// Pictures may be up to `shrink` times smaller each way than the facts were found for.
+    pub(super) fn interactive(self, shrink: f32) -> Self {
+        let by_hand = || "objects can be moved by hand".to_owned();
+        Self {
+            camera: CameraPlace::Anywhere,
+            moving: Some(by_hand()),
+            alone: Err(by_hand()),
+            in_view: true,
+            footprint: self.footprint * shrink,
+            ..self
+        }
     }
 }
 

@@ -85,6 +85,16 @@ impl Plan {
         Ok(Self::decide(Facts::of(scene, options, frames)?, options.size, options.method, &options.settings))
     }
 
+    /// Examines a scene for a window, where the user moves the camera and the objects by hand. Pictures may be up to `shrink` times
+    /// smaller each way than the size in `options`. Loads the panorama's first frame.
+    ///
+    /// # Errors
+    /// Fails if the panorama cannot be read.
+    pub fn interactive(scene: &Scene, options: &RenderOptions, shrink: f32) -> Result<Self> {
+        let facts = Facts::of(scene, options, None)?.interactive(shrink);
+        Ok(Self::decide(facts, options.size, options.method, &options.settings))
+    }
+
     /// The same scene by other settings.
     pub fn with(&self, settings: &Settings) -> Self {
         Self::decide(self.facts.clone(), self.size, self.method, settings)
@@ -142,6 +152,7 @@ impl Plan {
             Part::OffCentre => match facts.camera {
                 CameraPlace::Centre => (false, "the camera stays at the capture point".to_owned()),
                 CameraPlace::Away(most) => (true, format!("the camera is up to {most:.2} m from the capture point")),
+                CameraPlace::Anywhere => (true, "the camera can be moved by hand".to_owned()),
                 CameraPlace::Both(most) => (true, format!("the camera comes up to {most:.2} m from the capture point")),
             },
             Part::Video => {

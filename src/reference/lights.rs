@@ -13,14 +13,14 @@ gpu_struct! {
 
 /// All lights of a scene at one time.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LightTable {
+pub struct SceneLights {
     pub lights: Vec<Light>,
     /// Σ area · luminance, m² · radiance; a point of a light is found with a density per area of luminance / power.
     pub power: f64,
 }
 
 /// Collects the lights. Textured emission counts with its factor, an upper bound.
-pub fn light_table(scene: &PackedScene, state: &PackedInstances) -> LightTable {
+pub fn light_table(scene: &PackedScene, state: &PackedInstances) -> SceneLights {
     let mut lights = Vec::new();
     let mut weights = Vec::new();
     for (index, instance) in state.instances.iter().enumerate() {
@@ -39,7 +39,7 @@ pub fn light_table(scene: &PackedScene, state: &PackedInstances) -> LightTable {
         light.below = (below / power) as f32;
         below += weight;
     }
-    LightTable { lights, power }
+    SceneLights { lights, power }
 }
 
 fn luminance(color: Vec3) -> f32 {
@@ -80,7 +80,7 @@ fn triangles_below(scene: &PackedScene, root: u32) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::packed::{BvhNode, Material, TriangleGeometry, TriangleShading};
+    use crate::scene::packed::{BvhNode, PackedMaterial, TriangleGeometry, TriangleShading};
 
     /// Triangles of these legs (area ½ leg²), each of its own material that shines with `radiance`.
     fn scene(triangles: &[(f32, f32)]) -> (PackedScene, PackedInstances) {
@@ -93,7 +93,7 @@ mod tests {
             shading: (0..count).map(|material| TriangleShading { material, ..Default::default() }).collect(),
             materials: triangles
                 .iter()
-                .map(|(_, radiance)| Material { emissive: Vec3::splat(*radiance), ..Default::default() })
+                .map(|(_, radiance)| PackedMaterial { emissive: Vec3::splat(*radiance), ..Default::default() })
                 .collect(),
             nodes: vec![BvhNode {
                 min0: Vec3::ZERO,
@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn scale_counts_and_darkness_is_empty() {
         let (mut dark, state) = scene(&[(1.0, 0.0)]);
-        assert_eq!(light_table(&dark, &state), LightTable::default());
+        assert_eq!(light_table(&dark, &state), SceneLights::default());
         dark.materials[0].emissive = Vec3::ONE;
         let mut larger = state;
         for axis in 0..3 {

@@ -3,24 +3,24 @@
 use glam::{Affine3A, Mat3, Quat, Vec3};
 
 /// A type whose key frames can be interpolated.
-pub trait Interpolate: Copy {
+pub trait Lerp: Copy {
     /// `a` at `t = 0`, `b` at `t = 1`.
     fn mix(a: Self, b: Self, t: f32) -> Self;
 }
 
-impl Interpolate for f32 {
+impl Lerp for f32 {
     fn mix(a: Self, b: Self, t: f32) -> Self {
         a + (b - a) * t
     }
 }
 
-impl Interpolate for Vec3 {
+impl Lerp for Vec3 {
     fn mix(a: Self, b: Self, t: f32) -> Self {
         a.lerp(b, t)
     }
 }
 
-impl Interpolate for Quat {
+impl Lerp for Quat {
     /// Along the shorter arc.
     fn mix(a: Self, b: Self, t: f32) -> Self {
         a.slerp(b, t)
@@ -35,7 +35,7 @@ pub struct Track<T> {
     start: f64,
 }
 
-impl<T: Interpolate> Track<T> {
+impl<T: Lerp> Track<T> {
     /// The same value at all times.
     pub fn constant(value: T) -> Self {
         Self { first: value, rest: Vec::new(), start: 0.0 }

@@ -1,7 +1,7 @@
 //! A scene that is changed while it is shown. A clone shares triangles and textures; moving an object changes neither.
 
 use super::{
-    animation::{Interpolate, Placement, Track, Transform},
+    animation::{Lerp, Placement, Track, Transform},
     packed::{BvhNode, NONE},
     state::{self, Object, Scene},
 };
@@ -23,7 +23,7 @@ impl Placement {
     }
 }
 
-fn mapped<T: Interpolate>(track: &Track<T>, change: impl Fn(T) -> T) -> Track<T> {
+fn mapped<T: Lerp>(track: &Track<T>, change: impl Fn(T) -> T) -> Track<T> {
     let keys: Vec<_> = track.keys().map(|(time, value)| (time, change(value))).collect();
     let default = change(track.at(0.0));
     if track.is_constant() { Track::constant(default) } else { Track::from_keys(keys, default) }

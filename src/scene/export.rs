@@ -2,7 +2,7 @@
 
 use super::{
     Object,
-    animation::{Interpolate, Placement, Track},
+    animation::{Lerp, Placement, Track},
     camera::{Aim, CameraTrack},
     gltf::export::to_glb,
     model::Model,
@@ -145,7 +145,7 @@ fn quaternion(value: Quat) -> Value {
 }
 
 /// `name`, constant; or one key table a key frame, merged by time into `keys`.
-fn track<T: Interpolate>(
+fn track<T: Lerp>(
     table: &mut Table,
     keys: &mut Vec<(f64, Table)>,
     name: &str,

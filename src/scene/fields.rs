@@ -9,12 +9,12 @@ use std::{
 use toml::{Table, Value};
 
 /// The problems found so far in one file.
-pub struct Report {
+pub struct Problems {
     file: PathBuf,
     problems: RefCell<Vec<Error>>,
 }
 
-impl Report {
+impl Problems {
     /// An empty report about `file`.
     pub fn new(file: &Path) -> Self {
         Self { file: file.to_path_buf(), problems: RefCell::default() }
@@ -38,16 +38,16 @@ impl Report {
 }
 
 /// One table of the file, with its dotted name.
-pub struct Fields<'a> {
-    report: &'a Report,
+pub struct FieldTable<'a> {
+    report: &'a Problems,
     name: String,
     table: &'a Table,
 }
 
-impl<'a> Fields<'a> {
+impl<'a> FieldTable<'a> {
     /// The table called `name` (empty: the whole file). Keys that are not among `known` are reported with the nearest
     /// known one.
-    pub fn new(report: &'a Report, name: &str, table: &'a Table, known: &[&str]) -> Self {
+    pub fn new(report: &'a Problems, name: &str, table: &'a Table, known: &[&str]) -> Self {
         let fields = Self { report, name: name.to_owned(), table };
         for key in table.keys().filter(|key| !known.contains(&key.as_str())) {
             fields.complain(key, "unknown key", nearest(key, known));
@@ -177,9 +177,9 @@ impl<'a> Fields<'a> {
     }
 
     /// The table `key`, if there.
-    pub fn table(&self, key: &str, known: &[&str]) -> Option<Fields<'a>> {
+    pub fn table(&self, key: &str, known: &[&str]) -> Option<FieldTable<'a>> {
         match self.value(key)? {
-            Value::Table(table) => Some(Fields::new(self.report, &self.path(key), table, known)),
+            Value::Table(table) => Some(FieldTable::new(self.report, &self.path(key), table, known)),
             other => {
                 self.complain(key, format!("expected a table, found {}", kind(other)), format!("write [{key}]"));
                 None
@@ -188,7 +188,7 @@ impl<'a> Fields<'a> {
     }
 
     /// The array of tables `key`; empty where absent. Entries are named `key[0]`, `key[1]` …
-    pub fn tables(&self, key: &str, known: &[&str]) -> Vec<Fields<'a>> {
+    pub fn tables(&self, key: &str, known: &[&str]) -> Vec<FieldTable<'a>> {
         let entries = match self.value(key) {
             None => return Vec::new(),
             Some(Value::Array(entries)) => entries,
@@ -202,7 +202,7 @@ impl<'a> Fields<'a> {
         for (index, entry) in entries.iter().enumerate() {
             let name = format!("{key}[{index}]");
             match entry {
-                Value::Table(table) => tables.push(Fields::new(self.report, &self.path(&name), table, known)),
+                Value::Table(table) => tables.push(FieldTable::new(self.report, &self.path(&name), table, known)),
                 other => self.complain(&name, format!("expected a table, found {}", kind(other)), "write { … }"),
             }
         }

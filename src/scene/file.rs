@@ -8,7 +8,7 @@
 use super::{
     animation::{Placement, Track, Transform},
     camera::{Aim, CameraTrack},
-    fields::{Fields, Report},
+    fields::{FieldTable, Problems},
     file_panorama::read_panorama,
     material::MaterialOverride,
     shapes::Shape,
@@ -104,9 +104,9 @@ pub fn parse(path: &Path, text: &str) -> Result<SceneFile, Vec<Error>> {
         let subject = format!("{}: line {line}", path.display());
         vec![Error::input(subject, read::one_line(&error.message()), "correct the TOML")]
     })?;
-    let report = Report::new(path);
+    let report = Problems::new(path);
     let mut warnings = Vec::new();
-    let root = Fields::new(&report, "", &table, &["panorama", "camera", "object", "room", "render"]);
+    let root = FieldTable::new(&report, "", &table, &["panorama", "camera", "object", "room", "render"]);
     let panorama = match root.table("panorama", super::file_panorama::KEYS) {
         Some(fields) => read_panorama(&fields, &mut warnings),
         None => {
@@ -151,11 +151,11 @@ const AIM_KEYS: [&str; 5] = ["position", "look_at", "yaw", "pitch", "fov_y"];
 const CAMERA_KEYS: [&str; 7] = ["position", "look_at", "yaw", "pitch", "fov_y", "size", "key"];
 const CAMERA_KEY_KEYS: [&str; 7] = ["time", "position", "look_at", "yaw", "pitch", "fov_y", "size"];
 
-fn read_fov(fields: &Fields) -> Option<f32> {
+fn read_fov(fields: &FieldTable) -> Option<f32> {
     fields.number_in("fov_y", "between 0 and 180 degrees", |f| f > 0.0 && f < 180.0).map(|f| f as f32)
 }
 
-fn read_camera(fields: &Fields, start: Vec3) -> CameraTrack {
+fn read_camera(fields: &FieldTable, start: Vec3) -> CameraTrack {
     let default = CameraTrack::at_point(start);
     let keys = fields.tables("key", &CAMERA_KEY_KEYS);
     let mut tracks: [Vec<(f64, [f64; 3])>; 5] = Default::default();
@@ -209,7 +209,7 @@ fn read_camera(fields: &Fields, start: Vec3) -> CameraTrack {
     CameraTrack { position, aim, fov_y_degrees, size: read_size(fields).unwrap_or(default.size) }
 }
 
-fn read_size(fields: &Fields) -> Option<[u32; 2]> {
+fn read_size(fields: &FieldTable) -> Option<[u32; 2]> {
     let size = fields.integers("size")?;
     match <[u32; 2]>::try_from(size) {
         Ok(size) if size.iter().all(|side| (1..=16384).contains(side)) => Some(size),
@@ -220,13 +220,13 @@ fn read_size(fields: &Fields) -> Option<[u32; 2]> {
     }
 }
 
-fn both_aims(fields: &Fields) {
+fn both_aims(fields: &FieldTable) {
     if fields.has("look_at") && (fields.has("yaw") || fields.has("pitch")) {
         fields.complain("look_at", "stands beside yaw or pitch", "give look_at, or yaw and pitch");
     }
 }
 
-fn key_time(key: &Fields) -> Option<f64> {
+fn key_time(key: &FieldTable) -> Option<f64> {
     if !key.has("time") {
         key.complain("time", "is missing", "give the key frame's time in seconds");
     }
@@ -236,7 +236,7 @@ fn key_time(key: &Fields) -> Option<f64> {
 const OBJECT_KEYS: &[&str] =
     &["name", "gltf", "shape", "size", "translation", "rotation", "scale", "clip", "speed", "material", "key"];
 
-fn read_object(fields: &Fields, warnings: &mut Vec<String>) -> Option<ObjectSpec> {
+fn read_object(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<ObjectSpec> {
     let shape = fields.word("shape", &Shape::NAMES).map(|index| Shape::ALL[index]);
     let gltf = fields.file_path("gltf");
     if fields.has("gltf") == fields.has("shape") {
@@ -278,7 +278,7 @@ fn read_object(fields: &Fields, warnings: &mut Vec<String>) -> Option<ObjectSpec
     Some(ObjectSpec { name, source, placement, clip, speed, material })
 }
 
-fn read_material(fields: &Fields, warnings: &mut Vec<String>) -> MaterialOverride {
+fn read_material(fields: &FieldTable, warnings: &mut Vec<String>) -> MaterialOverride {
     let part = |key: &str| fields.number_in(key, "from 0 to 1", |v| (0.0..=1.0).contains(&v)).map(|v| v as f32);
     let color = |key: &str, most: f64| {
         let values = fields.vector(key)?;
@@ -302,7 +302,7 @@ fn read_material(fields: &Fields, warnings: &mut Vec<String>) -> MaterialOverrid
     }
 }
 
-fn read_rotation(fields: &Fields) -> Option<Quat> {
+fn read_rotation(fields: &FieldTable) -> Option<Quat> {
     let values = fields.numbers("rotation")?;
     let values: Vec<f32> = values.iter().map(|v| *v as f32).collect();
     match values[..] {
@@ -316,7 +316,7 @@ fn read_rotation(fields: &Fields) -> Option<Quat> {
     }
 }
 
-fn read_scale(fields: &Fields) -> Option<Vec3> {
+fn read_scale(fields: &FieldTable) -> Option<Vec3> {
     let scale = match fields.value("scale")? {
         toml::Value::Array(_) => fields.vector("scale").map(vec3),
         _ => fields.number("scale").map(|scale| Vec3::splat(scale as f32)),
@@ -327,7 +327,7 @@ fn read_scale(fields: &Fields) -> Option<Vec3> {
     scale
 }
 
-fn read_placement(fields: &Fields) -> Placement {
+fn read_placement(fields: &FieldTable) -> Placement {
     let base = Transform {
         translation: fields.vector("translation").map_or(Vec3::ZERO, vec3),
         rotation: read_rotation(fields).unwrap_or(Quat::IDENTITY),
@@ -352,7 +352,7 @@ fn read_placement(fields: &Fields) -> Placement {
     }
 }
 
-fn read_render(fields: &Fields) -> RenderSettings {
+fn read_render(fields: &FieldTable) -> RenderSettings {
     let default = RenderSettings::default();
     let set = match fields.value("set") {
         Some(toml::Value::Table(table)) => table.clone().into_iter().collect(),

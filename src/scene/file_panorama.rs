@@ -2,11 +2,11 @@
 //!
 //! `frames` without a `%d` pattern has no effect; a pattern without `frames` takes every file that fits it, in order.
 
-use super::{fields::Fields, file::vec3};
+use super::{fields::FieldTable, file::vec3};
 use crate::{
     image_file::read,
     panorama::{
-        depth::{Encoding, Rule},
+        depth::{DepthEncoding, Rule},
         source::{DepthSource, FrameRange, Packing, PanoramaSpec},
     },
 };
@@ -34,7 +34,7 @@ pub(super) const KEYS: &[&str] = &[
 const MAX_FRAMES: u32 = 1_000_000;
 
 /// Reads the table; problems are reported through `fields`.
-pub(super) fn read_panorama(fields: &Fields, warnings: &mut Vec<String>) -> Option<PanoramaSpec> {
+pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<PanoramaSpec> {
     if !fields.has("color") {
         fields.complain("color", "is missing", "name the panorama's image");
     }
@@ -57,9 +57,9 @@ pub(super) fn read_panorama(fields: &Fields, warnings: &mut Vec<String>) -> Opti
         warnings.push(format!("{}: has no effect, as color is no %d pattern", fields.subject("frames")));
     }
     let encoding = match fields.word("encoding", &["radial", "disparity", "planar"]) {
-        Some(1) => Encoding::Disparity,
-        Some(2) => Encoding::Planar,
-        _ => Encoding::Radial,
+        Some(1) => DepthEncoding::Disparity,
+        Some(2) => DepthEncoding::Planar,
+        _ => DepthEncoding::Radial,
     };
     let positive = |key: &str| fields.number_in(key, "above 0", |v| v > 0.0);
     let rule = Rule {
@@ -83,7 +83,7 @@ pub(super) fn read_panorama(fields: &Fields, warnings: &mut Vec<String>) -> Opti
     })
 }
 
-fn refuse_video(fields: &Fields, key: &str, path: &std::path::Path) {
+fn refuse_video(fields: &FieldTable, key: &str, path: &std::path::Path) {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if ["mp4", "mov", "m4v", "mkv", "webm", "avi", "ts", "mpg", "mpeg", "gif"].contains(&extension.as_str())
         && let crate::Error::Input { problem, remedy, .. } = read::video_refusal("")
@@ -92,7 +92,7 @@ fn refuse_video(fields: &Fields, key: &str, path: &std::path::Path) {
     }
 }
 
-fn read_depth(fields: &Fields, packing: Packing, position: Vec3) -> Option<DepthSource> {
+fn read_depth(fields: &FieldTable, packing: Packing, position: Vec3) -> Option<DepthSource> {
     if packing != Packing::Separate {
         if fields.has("depth") {
             fields.complain("depth", "the colour image already holds the depth", "leave depth out, or packing");
@@ -135,7 +135,7 @@ fn read_depth(fields: &Fields, packing: Packing, position: Vec3) -> Option<Depth
     }
 }
 
-fn read_frames(fields: &Fields) -> Option<FrameRange> {
+fn read_frames(fields: &FieldTable) -> Option<FrameRange> {
     let range = match fields.integers("frames")?[..] {
         [first, last] => FrameRange { first, last, step: 1 },
         [first, last, step] => FrameRange { first, last, step },

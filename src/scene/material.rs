@@ -84,9 +84,9 @@ impl Material {
     }
 
     /// As the shaders read it; texture `i` of the model is texture `first_texture + i` of the scene.
-    pub fn pack(&self, first_texture: u32) -> packed::Material {
+    pub fn pack(&self, first_texture: u32) -> packed::PackedMaterial {
         let texture = |index: Option<usize>| index.map_or(packed::NONE, |index| first_texture + index as u32);
-        packed::Material {
+        packed::PackedMaterial {
             base_color: self.base_color,
             metallic: self.metallic,
             emissive: self.emissive,
@@ -154,7 +154,7 @@ impl MaterialOverride {
 
 /// What a texture's texels mean, and so how they are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Encoding {
+pub enum TexelEncoding {
     /// sRGB-encoded colour.
     Srgb,
     /// Plain numbers.
@@ -179,7 +179,7 @@ pub struct Texture {
     pub size: [u32; 2],
     /// `size[0] · size[1]` texels, row by row.
     pub texels: Vec<[u8; 4]>,
-    pub encoding: Encoding,
+    pub encoding: TexelEncoding,
     pub wrap: [Wrap; 2],
     /// Nearest magnification.
     pub nearest: bool,

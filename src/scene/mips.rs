@@ -1,6 +1,6 @@
 //! Mip levels of textures.
 
-use super::material::{Encoding, Texture};
+use super::material::{TexelEncoding, Texture};
 use crate::image_file::srgb::{linear_to_srgb, srgb_to_linear};
 use glam::Vec4;
 
@@ -21,19 +21,19 @@ pub fn with_mips(texture: &Texture, first_level: u32) -> Vec<u32> {
     let decode = |texel: [u8; 4]| {
         let plain = Vec4::from_array(texel.map(f32::from)) / 255.0;
         match texture.encoding {
-            Encoding::Srgb => {
+            TexelEncoding::Srgb => {
                 let [r, g, b, _] = texel.map(|code| decode_table[usize::from(code)]);
                 Vec4::new(r, g, b, plain.w)
             }
-            Encoding::Linear => plain,
-            Encoding::Normal => plain * 2.0 - 1.0,
+            TexelEncoding::Linear => plain,
+            TexelEncoding::Normal => plain * 2.0 - 1.0,
         }
     };
     let encode = |value: Vec4| {
         let plain = match texture.encoding {
-            Encoding::Srgb => value.truncate().map(linear_to_srgb).extend(value.w),
-            Encoding::Linear => value,
-            Encoding::Normal => 0.5 * value + 0.5,
+            TexelEncoding::Srgb => value.truncate().map(linear_to_srgb).extend(value.w),
+            TexelEncoding::Linear => value,
+            TexelEncoding::Normal => 0.5 * value + 0.5,
         };
         plain.to_array().map(|c| (c * 255.0).round().clamp(0.0, 255.0) as u8)
     };
@@ -47,7 +47,7 @@ pub fn with_mips(texture: &Texture, first_level: u32) -> Vec<u32> {
     let mut above: Vec<Vec4> = texture.texels.iter().map(|texel| decode(*texel)).collect();
     for level in 1..level_count(texture.size) {
         above = halve(&above, level_size(texture.size, level - 1), level_size(texture.size, level));
-        if texture.encoding == Encoding::Normal {
+        if texture.encoding == TexelEncoding::Normal {
             for value in &mut above {
                 *value = value.truncate().try_normalize().unwrap_or(glam::Vec3::Z).extend(value.w);
             }
@@ -96,14 +96,14 @@ mod tests {
     use super::*;
     use crate::scene::material::Wrap;
 
-    fn texture(size: [u32; 2], encoding: Encoding, texel: impl Fn(u32, u32) -> [u8; 4]) -> Texture {
+    fn texture(size: [u32; 2], encoding: TexelEncoding, texel: impl Fn(u32, u32) -> [u8; 4]) -> Texture {
         let texels = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect();
         Texture { name: "t".into(), size, texels, encoding, wrap: [Wrap::Repeat; 2], nearest: false }
     }
 
     #[test]
     fn a_uniform_texture_stays_uniform_at_odd_sizes() {
-        for encoding in [Encoding::Srgb, Encoding::Linear] {
+        for encoding in [TexelEncoding::Srgb, TexelEncoding::Linear] {
             let all = with_mips(&texture([7, 3], encoding, |_, _| [10, 128, 250, 255]), 0);
             assert_eq!(all.len(), 7 * 3 + 3 + 1, "levels are 7×3, 3×1, 1×1");
             assert!(all.iter().all(|t| t.to_le_bytes() == [10, 128, 250, 255]));
@@ -113,15 +113,15 @@ mod tests {
     #[test]
     fn colours_are_averaged_in_linear_space() {
         let checker = |x: u32, y: u32| if (x + y).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] };
-        let srgb = with_mips(&texture([2, 2], Encoding::Srgb, checker), 0);
+        let srgb = with_mips(&texture([2, 2], TexelEncoding::Srgb, checker), 0);
         assert_eq!(srgb[4].to_le_bytes(), [188, 188, 188, 255]);
-        let linear = with_mips(&texture([2, 2], Encoding::Linear, checker), 0);
+        let linear = with_mips(&texture([2, 2], TexelEncoding::Linear, checker), 0);
         assert_eq!(linear[4].to_le_bytes(), [128, 128, 128, 255]);
     }
 
     #[test]
     fn the_mean_is_kept_at_odd_sizes() {
-        let ramp = texture([5, 1], Encoding::Linear, |x, _| [(x * 50) as u8; 4]);
+        let ramp = texture([5, 1], TexelEncoding::Linear, |x, _| [(x * 50) as u8; 4]);
         let all = with_mips(&ramp, 0);
         assert_eq!(all.len(), 5 + 2 + 1);
         assert_eq!(all[7].to_le_bytes()[0], 100);
@@ -131,7 +131,11 @@ mod tests {
     #[test]
     fn normals_stay_unit() {
         let tilted =
-            texture([2, 1], Encoding::Normal, |x, _| if x == 0 { [255, 128, 128, 255] } else { [128, 128, 255, 255] });
+            texture(
+                [2, 1],
+                TexelEncoding::Normal,
+                |x, _| if x == 0 { [255, 128, 128, 255] } else { [128, 128, 255, 255] },
+            );
         let [x, y, z, _] = with_mips(&tilted, 0)[2].to_le_bytes().map(|c| f32::from(c) / 127.5 - 1.0);
         assert!((x * x + y * y + z * z - 1.0).abs() < 0.02 && (x - z).abs() < 0.01 && y.abs() < 0.01);
     }

@@ -50,14 +50,14 @@ pub fn pack(models: &[&Model], instances: usize) -> Result<Packed> {
         for texture in &model.textures {
             let first_level = first_levels.next().unwrap_or(0);
             let size = level_size(texture.size, first_level);
-            scene.textures.push(packed::Texture {
+            scene.textures.push(packed::PackedTexture {
                 offset: scene.texels.len() as u32,
                 width: size[0],
                 height: size[1],
                 levels: level_count(size),
                 wrap_u: texture.wrap[0] as u32,
                 wrap_v: texture.wrap[1] as u32,
-                srgb: u32::from(texture.encoding == super::material::Encoding::Srgb),
+                srgb: u32::from(texture.encoding == super::material::TexelEncoding::Srgb),
                 nearest: u32::from(texture.nearest),
             });
             scene.texels.extend(with_mips(texture, first_level));

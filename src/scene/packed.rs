@@ -44,7 +44,7 @@ gpu_struct! {
 }
 gpu_struct! {
     /// glTF 2.0 metallic–roughness with KHR_materials_emissive_strength, _specular and _ior; factors linear.
-    pub struct Material {
+    pub struct PackedMaterial {
         pub base_color: Vec3, pub metallic: f32,
         /// Emitted radiance.
         pub emissive: Vec3, pub roughness: f32,
@@ -52,7 +52,7 @@ gpu_struct! {
         pub ior: f32, pub normal_scale: f32,
         /// Bit 0: double sided.
         pub flags: u32,
-        /// Indices of [`Texture`] or [`NONE`].
+        /// Indices of [`PackedTexture`] or [`NONE`].
         pub base_color_texture: u32, pub metallic_roughness_texture: u32, pub normal_texture: u32, pub emissive_texture: u32,
         pub specular_texture: u32, pub specular_color_texture: u32,
     }
@@ -60,7 +60,7 @@ gpu_struct! {
 gpu_struct! {
     /// A texture: RGBA8 texels (R in the low byte) in the texel buffer, its mip levels one after another, each
     /// `max(1, size >> level)`.
-    pub struct Texture {
+    pub struct PackedTexture {
         /// First texel of level 0.
         pub offset: u32, pub width: u32, pub height: u32, pub levels: u32,
         /// 0 repeat, 1 mirrored repeat, 2 clamp to edge.
@@ -93,8 +93,8 @@ pub struct PackedScene {
     pub vertices: Vec<Vertex>,
     /// Bottom-level nodes of all meshes.
     pub nodes: Vec<BvhNode>,
-    pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
+    pub materials: Vec<PackedMaterial>,
+    pub textures: Vec<PackedTexture>,
     pub texels: Vec<u32>,
 }
 

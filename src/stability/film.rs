@@ -1,6 +1,6 @@
 //! A short sequence of worlds, and how a method renders it.
 
-use super::world::{Form, Truth, World};
+use super::world::{Form, World, WorldTruth};
 use crate::{
     Result,
     panorama::source::{PanoramaFrame, PanoramaSource},
@@ -83,7 +83,7 @@ impl Film {
     }
 
     /// What a frame's picture should be.
-    pub fn truth(&self, frame: usize) -> Truth {
+    pub fn truth(&self, frame: usize) -> WorldTruth {
         (self.world)(frame).truth(self.size, &self.capture(frame), self.yaw)
     }
 

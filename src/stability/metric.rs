@@ -1,6 +1,6 @@
 //! The few numbers that the cases are judged by.
 
-use super::world::Truth;
+use super::world::WorldTruth;
 use crate::{
     Result,
     image_file::srgb::linear_to_srgb,
@@ -67,7 +67,7 @@ pub fn sum(texels: &[[f32; 4]], mask: &[bool]) -> f64 {
 }
 
 /// How much of the light that things take or bring is missing or too much: |Σ (test − before)/Σ (truth − before) − 1| over a region.
-pub fn change(test: &[[f32; 4]], truth: &Truth, mask: &[bool]) -> f64 {
+pub fn change(test: &[[f32; 4]], truth: &WorldTruth, mask: &[bool]) -> f64 {
     let before = sum(&truth.without, mask);
     let error = ((sum(test, mask) - before) / (sum(&truth.texels, mask) - before) - 1.0).abs();
     if error.is_finite() { error } else { NOT_FINITE }

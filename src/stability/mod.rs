@@ -25,7 +25,7 @@ use std::{
     collections::HashMap,
     sync::{Arc, Mutex, PoisonError},
 };
-use world::Truth;
+use world::WorldTruth;
 
 /// The methods, as tables show them.
 pub const METHODS: [Method; 3] = [Method::Ibl, Method::Paper, Method::Iprt];
@@ -82,7 +82,7 @@ pub struct Suite {
     gpu: Gpu,
     quick: bool,
     set: Vec<(String, String)>,
-    truths: Mutex<HashMap<(&'static str, usize), Arc<Truth>>>,
+    truths: Mutex<HashMap<(&'static str, usize), Arc<WorldTruth>>>,
 }
 
 impl Suite {
@@ -203,7 +203,7 @@ impl Run<'_> {
     }
 
     /// The truth of a frame, computed once for all methods; `which` numbers the films of a case.
-    pub fn truth(&self, film: &Film, which: usize, frame: usize) -> Arc<Truth> {
+    pub fn truth(&self, film: &Film, which: usize, frame: usize) -> Arc<WorldTruth> {
         let key = (self.case, which * 100_000 + frame);
         let known = self.suite.truths.lock().unwrap_or_else(PoisonError::into_inner).get(&key).cloned();
         known.unwrap_or_else(|| {
@@ -221,7 +221,7 @@ impl Run<'_> {
         &self,
         film: &Film,
         frames: impl IntoIterator<Item = usize>,
-        value: impl Fn(&Texels, &Truth) -> Result<f64>,
+        value: impl Fn(&Texels, &WorldTruth) -> Result<f64>,
     ) -> Result<Outcome> {
         let pictures = self.play(film)?;
         let mut worst: Option<Outcome> = None;

@@ -124,7 +124,7 @@ pub struct Eye {
 }
 
 /// What real surfaces send, by place and normal.
-pub type Paint = fn(Vec3, Vec3) -> Vec3;
+pub type SurfaceRadiance = fn(Vec3, Vec3) -> Vec3;
 
 /// All of it at one time. The capture point is the origin.
 #[derive(Clone, Debug)]
@@ -134,7 +134,7 @@ pub struct World {
     /// Real boxes in it.
     pub furniture: Vec<Block>,
     pub lamp: Option<Lamp>,
-    pub paint: Paint,
+    pub paint: SurfaceRadiance,
     pub things: Vec<Thing>,
     pub eye: Eye,
     /// Whether mirrors show real surfaces as the things light and shade them, not as captured.
@@ -143,7 +143,7 @@ pub struct World {
 
 /// What a picture should be.
 #[derive(Clone, Debug)]
-pub struct Truth {
+pub struct WorldTruth {
     pub size: [u32; 2],
     /// Radiance, as a picture holds it.
     pub texels: Vec<[f32; 4]>,
@@ -155,7 +155,7 @@ pub struct Truth {
     pub position: Vec<Vec3>,
 }
 
-impl Truth {
+impl WorldTruth {
     /// Pixels that are less than half real.
     pub fn shows_things(&self) -> Vec<bool> {
         self.coverage.iter().map(|m| *m < 0.5).collect()
@@ -356,7 +356,7 @@ impl World {
 
     /// What the picture should be. What the camera sees of real surfaces is `panorama`'s, bilinear, so that its resolution is no one's
     /// error; how it changes is the world's.
-    pub fn truth(&self, size: [u32; 2], panorama: &PanoramaFrame, yaw_degrees: f32) -> Truth {
+    pub fn truth(&self, size: [u32; 2], panorama: &PanoramaFrame, yaw_degrees: f32) -> WorldTruth {
         let unturn = glam::Quat::from_rotation_y(-yaw_degrees.to_radians());
         let camera = crate::scene::camera::CameraTrack {
             aim: crate::scene::camera::Aim::LookAt(crate::scene::animation::Track::constant(self.eye.target)),
@@ -404,7 +404,7 @@ impl World {
             (radiance.extend(1.0).to_array(), captured.extend(1.0).to_array(), share, point)
         };
         let all: Vec<_> = (0..size[0] * size[1]).into_par_iter().map(pixel).collect();
-        Truth {
+        WorldTruth {
             size,
             texels: all.iter().map(|p| p.0).collect(),
             without: all.iter().map(|p| p.1).collect(),

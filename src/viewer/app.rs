@@ -7,9 +7,9 @@ use super::{
     engine::Engine,
     panels,
     presenter::{Presenter, WindowFrame},
-    report::Report,
+    report::SessionReport,
     script::Script,
-    session::{Action, Session},
+    session::{Session, WindowRequest},
     state::{Notice, Order, Side, Wanted},
 };
 use crate::{
@@ -33,37 +33,38 @@ use winit::{
     window::{Fullscreen, Window, WindowId},
 };
 
-/// Reads a scene, on a thread of its own.
+/// A function that reads a scene. It runs on a thread of its own.
 pub type Open = Box<dyn FnOnce(&Gpu) -> Result<Opened> + Send>;
 
-/// A scene and how it is to be shown.
+/// A scene, and how it is shown at first.
 pub struct Opened {
     pub scene: Scene,
     pub origin: Origin,
-    /// How A is made.
+    /// How picture A is made.
     pub side: Side,
-    /// Factor on radiance.
+    /// Factor on radiance before display.
     pub exposure: f32,
 }
 
 /// What a window is opened with.
 pub struct Options {
     pub gpu: GpuOptions,
-    /// Of the window, pixels.
+    /// Width and height of the window, pixels.
     pub size: [u32; 2],
-    /// What a frame may take while something moves, milliseconds.
+    /// Milliseconds that a frame may take while something moves.
     pub target_ms: f64,
-    /// Plays events, and ends.
+    /// A script whose events are played. The window closes at its end.
     pub script: Option<Script>,
 }
 
-/// No frame of the window is drawn sooner after another.
+/// The least time between two frames of the window.
 const FRAME: Duration = Duration::from_millis(16);
-/// Opens the window and returns when it is closed.
+/// Opens the window, and returns when it is closed.
 ///
 /// # Errors
-/// No display, no usable device, a scene that cannot be read, a lost device, a script that waits in vain.
-pub fn run(options: Options, open: Open) -> Result<Report> {
+/// Fails if there is no display or no usable device, if the scene cannot be read, if the device is lost, or
+/// if a script waits in vain.
+pub fn run(options: Options, open: Open) -> Result<SessionReport> {
     let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let no_display = |problem: String| {
         let remedy = "start it in a graphical session, or under xvfb-run";
@@ -99,24 +100,24 @@ struct App {
     wake: EventLoopProxy<()>,
     session: Session,
     engine: Engine,
-    window: Option<Shell>,
+    window: Option<OpenWindow>,
     opened: Receiver<Result<Opened>>,
     models: (Sender<Loaded>, Receiver<Loaded>),
     wanted: Option<Wanted>,
     number: u64,
     dirty: bool,
-    /// The script has done something that no frame has seen yet.
+    /// Whether the script has done something that no frame has seen yet.
     stepped: bool,
     redraw_at: Option<Instant>,
-    /// When the script looks again.
+    /// When the script checks again.
     look_at: Option<Instant>,
     start: Instant,
-    report: Report,
+    report: SessionReport,
     error: Option<Error>,
-    /// Events of the script, for the next frame.
+    /// Events of the script for the next frame.
     events: Vec<egui::Event>,
     modifiers: egui::Modifiers,
-    /// The script wants the surface lost.
+    /// Whether the script wants the surface to be lost.
     lose: bool,
     waiting: Waiting,
 }
@@ -124,13 +125,13 @@ struct App {
 /// What the script waits for.
 struct Waiting {
     since: Instant,
-    /// Pictures so far.
+    /// Number of pictures so far.
     pictures: u64,
     frame: Option<u64>,
     answers: Option<usize>,
 }
 
-struct Shell {
+struct OpenWindow {
     window: Arc<Window>,
     state: egui_winit::State,
     context: egui::Context,
@@ -170,7 +171,7 @@ impl App {
             redraw_at: None,
             look_at: None,
             start,
-            report: Report { device, ..Report::default() },
+            report: SessionReport { device, ..SessionReport::default() },
             error: None,
             events: Vec::new(),
             modifiers: egui::Modifiers::NONE,
@@ -198,14 +199,14 @@ impl App {
         context.options_mut(|options| options.zoom_with_keyboard = false);
         let scale = Some(window.scale_factor() as f32);
         let state = egui_winit::State::new(context.clone(), egui::ViewportId::ROOT, &*window, scale, None, Some(8192));
-        self.window = Some(Shell { window, state, context, presenter });
+        self.window = Some(OpenWindow { window, state, context, presenter });
         tracing::debug!("the window is there, {:.2} s", self.start.elapsed().as_secs_f64());
         Ok(())
     }
 
-    /// Everything that other threads have left.
+    /// Takes everything that other threads have left.
     fn collect(&mut self) -> Result<()> {
-        // the presenter rings too, and has nothing new to show
+        // The presenter also wakes the window, but it has nothing new to show.
         self.dirty |= self.session.see(self.engine.shown());
         for notice in self.engine.notices() {
             if let Notice::Written { path, size, frames } = &notice {
@@ -233,7 +234,7 @@ impl App {
         Ok(())
     }
 
-    /// One frame of the window, if the one before is done.
+    /// Draws one frame of the window, if the previous frame is done.
     fn frame(&mut self) -> Result<()> {
         let Some(shell) = &mut self.window else { return Ok(()) };
         let (progress, done) = shell.presenter.progress();
@@ -247,7 +248,7 @@ impl App {
         let size: [u32; 2] = shell.window.inner_size().into();
         let mut input = shell.state.take_egui_input(&shell.window);
         input.events.append(&mut self.events);
-        // in a script the window counts as focused, whatever the display thinks
+        // In a script the window counts as focused, whatever the display says.
         input.focused |= self.options.script.is_some();
         let session = &mut self.session;
         session.play(Instant::now());
@@ -275,18 +276,18 @@ impl App {
         Ok(())
     }
 
-    /// Passes on what the frame asked for.
+    /// Does what the session asked of the window.
     fn act(&mut self) {
         for action in std::mem::take(&mut self.session.actions) {
             match action {
-                Action::Screenshot(path) => self.engine.order(Order::Screenshot { path, frames: 1 }),
-                Action::FullScreen => {
+                WindowRequest::Screenshot(path) => self.engine.order(Order::Screenshot { path, frames: 1 }),
+                WindowRequest::FullScreen => {
                     if let Some(shell) = &self.window {
                         let full = shell.window.fullscreen().is_some();
                         shell.window.set_fullscreen((!full).then_some(Fullscreen::Borderless(None)));
                     }
                 }
-                Action::Load(path) => {
+                WindowRequest::Load(path) => {
                     let (sender, bell) = (self.models.0.clone(), self.wake.clone());
                     let load = move || {
                         let _ = sender.send(edit::load_object(&path)); // nobody listens once the window is closed
@@ -317,7 +318,7 @@ impl App {
             self.dirty = true;
             self.frame()?;
         }
-        // while the presenter is busy, its end is what wakes
+        // While the presenter is busy, its end wakes the window.
         let redraw = self.redraw_at.filter(|_| !self.dirty);
         events.set_control_flow(match redraw.into_iter().chain(self.look_at).min() {
             Some(at) => ControlFlow::WaitUntil(at),
@@ -337,7 +338,7 @@ impl App {
         self.report.longest_event_ms = self.report.longest_event_ms.max(start.elapsed().as_secs_f64() * 1e3);
     }
 
-    fn finish(mut self) -> (Report, Option<Error>) {
+    fn finish(mut self) -> (SessionReport, Option<Error>) {
         let shown = self.engine.shown();
         (self.report.pictures, self.report.dropped) = (shown.rendered, shown.dropped);
         self.report.errors = std::mem::take(&mut self.session.errors);
@@ -373,7 +374,7 @@ impl ApplicationHandler<()> for App {
             app.dirty |= answer.repaint;
             match event {
                 WindowEvent::CloseRequested => events.exit(),
-                WindowEvent::DroppedFile(path) => app.session.actions.push(Action::Load(path)),
+                WindowEvent::DroppedFile(path) => app.session.actions.push(WindowRequest::Load(path)),
                 WindowEvent::Resized(_) | WindowEvent::RedrawRequested | WindowEvent::Occluded(_) => app.dirty = true,
                 _ => {}
             }

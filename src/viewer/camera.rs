@@ -1,4 +1,4 @@
-//! Where the window looks from: the scene's camera until it is moved by hand.
+//! The camera of the window. It is the scene's camera until it is moved by hand.
 
 use crate::scene::{
     animation::Track,
@@ -6,33 +6,33 @@ use crate::scene::{
 };
 use glam::{EulerRot, Quat, Vec2, Vec3};
 
-/// Steepest look up or down, degrees.
+/// The steepest look up or down, degrees.
 const STEEPEST: f32 = 89.9;
-/// Narrowest and widest vertical angle, degrees.
+/// The narrowest and the widest vertical angle, degrees.
 const ANGLES: [f32; 2] = [5.0, 150.0];
 
-/// A camera moved by hand.
+/// A camera that was moved by hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Free {
     /// World, metres.
     pub position: Vec3,
-    /// About +Y, degrees.
+    /// Angle about +Y, degrees.
     pub yaw: f32,
-    /// Upwards, degrees.
+    /// Angle upwards, degrees.
     pub pitch: f32,
     /// Full vertical angle, degrees.
     pub fov_y: f32,
 }
 
 impl Free {
-    /// Where another camera is.
+    /// Takes the place of another camera.
     pub fn from_camera(camera: &Camera) -> Self {
         let (yaw, pitch, _) = camera.rotation.to_euler(EulerRot::YXZ);
         let [yaw, pitch] = [yaw, pitch].map(f32::to_degrees);
         Self { position: camera.position, yaw, pitch, fov_y: camera.fov_y_degrees }
     }
 
-    /// As a track that stays there.
+    /// A track that stays at this camera.
     pub fn track(&self, size: [u32; 2]) -> CameraTrack {
         CameraTrack {
             position: Track::constant(self.position),
@@ -42,7 +42,8 @@ impl Free {
         }
     }
 
-    /// Turns by a drag over this part of the picture's height, so that what is under the pointer stays there.
+    /// Turns the camera by a drag over this part of the picture's height, so that what is under the pointer
+    /// stays there.
     pub fn turn(&mut self, by: Vec2) {
         self.yaw = (self.yaw + by.x * self.fov_y + 180.0).rem_euclid(360.0) - 180.0;
         self.pitch = (self.pitch + by.y * self.fov_y).clamp(-STEEPEST, STEEPEST);
@@ -53,19 +54,19 @@ impl Free {
         self.fov_y = (self.fov_y * factor).clamp(ANGLES[0], ANGLES[1]);
     }
 
-    /// Moves, in metres to the right, up (of the world) and forward (level).
+    /// Moves the camera by metres to the right, up in the world, and forward on the level.
     pub fn walk(&mut self, by: Vec3) {
         let level = Quat::from_rotation_y(self.yaw.to_radians());
         self.position += level * Vec3::new(by.x, 0.0, -by.z) + Vec3::Y * by.y;
     }
 }
 
-/// A picture's geometry: pixels to rays and back.
+/// The geometry of a picture, between pixels and rays.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
-    /// What looks.
+    /// The camera.
     pub camera: Camera,
-    /// Width over height.
+    /// Width divided by height.
     pub aspect: f32,
 }
 
@@ -75,13 +76,13 @@ impl Lens {
         Vec2::new(tan * self.aspect, tan)
     }
 
-    /// The direction through a place in the picture, 0 to 1 from its left and top. Unit length.
+    /// The unit direction through a place in the picture. Places run from 0 to 1, from the left and the top.
     pub fn direction(&self, place: Vec2) -> Vec3 {
         let at = (2.0 * place - 1.0) * self.tan_half();
         (self.camera.rotation * Vec3::new(at.x, -at.y, -1.0)).normalize()
     }
 
-    /// Where a point is seen; nothing for what lies behind.
+    /// The place where a point is seen. A point behind the camera has none.
     pub fn project(&self, point: Vec3) -> Option<Vec2> {
         let local = self.camera.rotation.inverse() * (point - self.camera.position);
         let at = Vec2::new(local.x, -local.y) / -local.z / self.tan_half();

@@ -1,9 +1,9 @@
-//! Keys and the pointer over the picture.
+//! Answers keys, and the pointer over the picture.
 
 use super::{
     edit::Editor,
     pick,
-    session::{Action, Drag, Session},
+    session::{Drag, Session, WindowRequest},
     state::{Compare, Side},
 };
 use crate::settings::Method;
@@ -11,7 +11,7 @@ use egui::{Key, Modifiers, PointerButton};
 use glam::{Quat, Vec2, Vec3, vec2};
 use std::path::PathBuf;
 
-/// Keys and what they do: the help in the window, and the documents'.
+/// The keys and what they do, for the help in the window and for the documents.
 pub const KEYS: &[(&str, &str)] = &[
     ("drag", "look; on an object: move it along real surfaces"),
     ("Shift+drag, Ctrl+drag on an object", "turn it, scale it"),
@@ -43,12 +43,12 @@ pub const KEYS: &[(&str, &str)] = &[
     ("drop a .glb or .gltf", "add it in front of the camera"),
 ];
 
-/// Metres a second.
+/// Walking speed, metres a second.
 const SPEED: f32 = 1.0;
-/// How near the pointer has to be to the line between A and B, points.
+/// How near the pointer must be to the line between A and B to grab it, points.
 const GRAB: f32 = 6.0;
 
-/// Answers keys, where no text is being written.
+/// Answers keys while no text is being written.
 pub fn keys(session: &mut Session, ctx: &egui::Context) {
     if ctx.egui_wants_keyboard_input() {
         session.walking = false;
@@ -56,7 +56,7 @@ pub fn keys(session: &mut Session, ctx: &egui::Context) {
     }
     let pressed = |key| ctx.input_mut(|input| input.consume_key(Modifiers::NONE, key));
     let with = |modifiers, key| ctx.input_mut(|input| input.consume_key(modifiers, key));
-    // keys with modifiers first: those without are satisfied by any
+    // Keys with modifiers come first, since the others match whatever the modifiers are.
     if with(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || with(Modifiers::COMMAND, Key::Y) {
         session.editor.as_mut().map(Editor::redo);
     }
@@ -76,7 +76,7 @@ pub fn keys(session: &mut Session, ctx: &egui::Context) {
     }
     for (name, modifiers) in [("exr", Modifiers::SHIFT), ("png", Modifiers::NONE)] {
         if with(modifiers, Key::F12) {
-            session.actions.push(Action::Screenshot(free_name(name)));
+            session.actions.push(WindowRequest::Screenshot(free_name(name)));
         }
     }
     if with(Modifiers::SHIFT, Key::O) {
@@ -127,7 +127,7 @@ fn switches(session: &mut Session, pressed: &dyn Fn(Key) -> bool) {
         session.restart += 1;
     }
     if pressed(Key::F11) {
-        session.actions.push(Action::FullScreen);
+        session.actions.push(WindowRequest::FullScreen);
     }
     if pressed(Key::Escape) {
         session.help = false;
@@ -155,7 +155,7 @@ fn selected(session: &mut Session, pressed: &dyn Fn(Key) -> bool) {
     }
 }
 
-/// Changes where the selected object is, as a step of its own.
+/// Changes the place of the selected object, as a step of its own.
 fn change(session: &mut Session, time: f64, change: impl Fn(&mut crate::scene::animation::Transform)) {
     let Some(editor) = &mut session.editor else { return };
     let Some(index) = editor.selected() else { return };
@@ -187,7 +187,7 @@ fn next_aov(session: &mut Session, by: isize) {
     }
 }
 
-/// The first `iprt-NNNN` that is not there yet.
+/// The first file name `iprt-NNNN` that does not exist yet.
 fn free_name(extension: &str) -> PathBuf {
     let names = (1..).map(|number| PathBuf::from(format!("iprt-{number:04}.{extension}")));
     names.into_iter().find(|path| !path.exists()).unwrap_or_default()
@@ -271,11 +271,11 @@ pub fn pointer(session: &mut Session, response: &egui::Response, ui: &egui::Ui) 
     }
 }
 
-/// The object seen at a place of the picture.
+/// The object that is seen at a place in the picture.
 fn under(session: &Session, place: Vec2) -> Option<usize> {
     let (editor, lens) = (session.editor.as_ref()?, session.lens()?);
     let scene = editor.scene();
-    let surface = session.shown.surface.as_deref().map(|frame| pick::Surface {
+    let surface = session.shown.surface.as_deref().map(|frame| pick::RealSurface {
         frame,
         centre: scene.panorama.position,
         yaw_degrees: scene.panorama.yaw_degrees,
@@ -283,7 +283,7 @@ fn under(session: &Session, place: Vec2) -> Option<usize> {
     pick::object_at(scene, surface, &lens, place, session.time)
 }
 
-/// What a drag that begins here is about.
+/// What a drag that begins here moves.
 fn grab(session: &mut Session, place: Vec2, modifiers: Modifiers) -> Drag {
     let Some(index) = under(session, place) else { return Drag::Look };
     let (lens, time) = (session.lens(), session.time);
@@ -301,14 +301,14 @@ fn grab(session: &mut Session, place: Vec2, modifiers: Modifiers) -> Drag {
     }
 }
 
-/// Puts the selected object where the real surface is seen at a place of the picture.
+/// Puts the selected object where the real surface is seen at a place in the picture.
 fn drag_along(session: &mut Session, place: Vec2) {
     let (Some(lens), time, Some(frame)) = (session.lens(), session.time, session.shown.surface.clone()) else { return };
     let Some((index, editor)) = session.editor.as_mut().and_then(|e| Some((e.selected()?, e))) else { return };
     let panorama = &editor.scene().panorama;
-    let surface = pick::Surface { frame: &frame, centre: panorama.position, yaw_degrees: panorama.yaw_degrees };
+    let surface = pick::RealSurface { frame: &frame, centre: panorama.position, yaw_degrees: panorama.yaw_degrees };
     let Some((point, normal)) = surface.hit(lens.camera.position, lens.direction(place)) else { return };
-    // what is nearly level or upright is taken to be so, as depth is not that exact
+    // A surface that is nearly level or upright counts as exactly so, since depth is not that exact.
     let normal = [Vec3::Y, Vec3::NEG_Y].into_iter().find(|axis| normal.dot(*axis) > 0.8).unwrap_or(normal);
     let mut to = editor.transform(index, time);
     to.translation += pick::onto(&editor.bounds(index, time), point, normal);

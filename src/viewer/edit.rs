@@ -1,4 +1,4 @@
-//! The scene as it is changed by hand: add, remove, place, undo, redo.
+//! Edits the scene by hand: add, remove, place, undo and redo.
 
 use crate::{
     Error, Result,
@@ -19,7 +19,7 @@ use std::{
     sync::Arc,
 };
 
-/// Where a scene comes from, and so how it is saved.
+/// Where a scene comes from. It decides how the scene is saved.
 #[derive(Clone, Debug)]
 pub enum Origin {
     /// A scene file.
@@ -31,11 +31,11 @@ pub enum Origin {
 /// Where an object comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Made {
-    /// The scene; its place among the objects there.
+    /// The scene, with the object's place among the objects there.
     Kept(usize),
     /// A glTF file.
     Gltf(PathBuf),
-    /// A shape and its full extents, metres.
+    /// A shape with its full extents, metres.
     Shape(Shape, Vec3),
 }
 
@@ -47,24 +47,24 @@ struct State {
     selected: Option<usize>,
 }
 
-/// See the module.
+/// The edited scene and its history of steps.
 pub struct Editor {
     now: State,
     before: Vec<State>,
     after: Vec<State>,
     /// Whether the next placement begins a step of its own.
     fresh_step: bool,
-    /// Where it comes from.
+    /// Where the scene comes from.
     pub origin: Origin,
     /// Whether there is anything to save.
     pub changed: bool,
 }
 
-/// Steps that can be undone.
+/// The most steps that can be undone.
 const STEPS: usize = 200;
 
 impl Editor {
-    /// Nothing changed yet.
+    /// Makes an editor of a scene that was not changed yet.
     pub fn new(scene: Scene, origin: Origin) -> Self {
         let made = (0..scene.objects().count()).map(Made::Kept).collect();
         let now = State { scene: Arc::new(scene), made, selected: None };
@@ -76,12 +76,12 @@ impl Editor {
         &self.now.scene
     }
 
-    /// Where its objects come from.
+    /// Where each object comes from.
     pub fn made(&self) -> &[Made] {
         &self.now.made
     }
 
-    /// The object that keys and panels are about.
+    /// The selected object, which keys and panels act on.
     pub fn selected(&self) -> Option<usize> {
         self.now.selected
     }
@@ -91,7 +91,7 @@ impl Editor {
         self.now.selected = index.filter(|index| *index < self.now.made.len());
     }
 
-    /// Names of all objects.
+    /// The names of all objects.
     pub fn names(&self) -> Vec<String> {
         self.now.scene.objects().map(|object| object.name.clone()).collect()
     }
@@ -101,12 +101,12 @@ impl Editor {
         self.now.scene.objects().nth(index).map_or(Transform::IDENTITY, |object| object.placement.at(time))
     }
 
-    /// Its box, world, metres.
+    /// An object's box in the world at a time, metres.
     pub fn bounds(&self, index: usize, time: f64) -> Bounds {
         self.now.scene.object_bounds(index, time)
     }
 
-    /// What follows, until the next call, is undone as one.
+    /// Begins a step. All that follows until the next call is undone as one.
     pub fn begin_step(&mut self) {
         self.fresh_step = true;
     }
@@ -120,7 +120,7 @@ impl Editor {
         self.changed = true;
     }
 
-    /// Puts an object where `to` says; its motion goes along.
+    /// Puts an object where `to` says. Its motion goes along.
     pub fn place(&mut self, index: usize, to: Transform, time: f64) {
         let Some(object) = self.now.scene.objects().nth(index) else { return };
         if object.placement.at(time) == to || to.scale.abs().min_element() < 1e-6 || !to.translation.is_finite() {
@@ -135,10 +135,11 @@ impl Editor {
         self.now.scene = Arc::new(scene);
     }
 
-    /// Adds an object, selects it, up to the next [`Editor::begin_step`] as one step with placing it, and returns its place among the others.
+    /// Adds an object, selects it, and returns its place among the others. Placing it is part of the same
+    /// step until the next [`Editor::begin_step`].
     ///
     /// # Errors
-    /// What cannot be packed.
+    /// Fails if the scene cannot be packed.
     pub fn add(&mut self, mut object: Object, made: Made) -> Result<usize> {
         let names = self.names();
         let stem = object.name.clone();
@@ -158,10 +159,10 @@ impl Editor {
         Ok(objects.len() - 1)
     }
 
-    /// Takes the selected object away.
+    /// Removes the selected object.
     ///
     /// # Errors
-    /// What cannot be packed.
+    /// Fails if the scene cannot be packed.
     pub fn remove(&mut self) -> Result<()> {
         let Some(index) = self.now.selected else { return Ok(()) };
         let mut objects: Vec<Object> = self.now.scene.objects().cloned().collect();
@@ -174,7 +175,7 @@ impl Editor {
         Ok(())
     }
 
-    /// Takes the last step back; whether there was one.
+    /// Takes back the last step. Returns whether there was one.
     pub fn undo(&mut self) -> bool {
         let Some(state) = self.before.pop() else { return false };
         self.after.push(std::mem::replace(&mut self.now, state));
@@ -182,7 +183,7 @@ impl Editor {
         true
     }
 
-    /// Does again what was undone; whether there was anything.
+    /// Repeats the step that was undone. Returns whether there was one.
     pub fn redo(&mut self) -> bool {
         let Some(state) = self.after.pop() else { return false };
         self.before.push(std::mem::replace(&mut self.now, state));
@@ -194,7 +195,7 @@ impl Editor {
 /// Reads a glTF file as an object at the origin.
 ///
 /// # Errors
-/// A file that cannot be read or used; another kind of file.
+/// Fails if the file cannot be read or used, or if it is another kind of file.
 pub fn load_object(path: &Path) -> Result<(Object, Made)> {
     let kind = path.extension().and_then(|e| e.to_str()).map(str::to_lowercase);
     if !matches!(kind.as_deref(), Some("glb" | "gltf")) {
@@ -212,7 +213,7 @@ pub fn load_object(path: &Path) -> Result<(Object, Made)> {
     Ok((Object { name, model: Arc::new(model), placement, clip, speed: 1.0 }, Made::Gltf(path)))
 }
 
-/// A shape as a scene file without a material has it, at the origin.
+/// Makes an object of a shape at the origin, as a scene file without a material does.
 pub fn shape_object(shape: Shape, size: Vec3) -> (Object, Made) {
     let name = Shape::NAMES[shape as usize].to_owned();
     let material = Material::plain(&name, Vec3::splat(0.8), 0.5);

@@ -1,14 +1,14 @@
-//! The thread that renders. It works on the newest that is wanted, quickly while that keeps changing and well once it stands
-//! still, and leaves finished pictures where the window finds them. The window never waits for it.
+//! The thread that renders. It works on the newest request. While requests keep changing it renders quickly,
+//! and once they stop it renders well. It leaves finished pictures for the window, which never waits for it.
 
 use super::{
     painter::{Pace, Painter, SETTLED, interrupted},
-    state::{Compare, Notice, Order, Picture, Shown, Wanted},
+    state::{Compare, EngineOutput, Notice, Order, RenderedPicture, Wanted},
 };
 use crate::{
     Result,
     gpu::{Gpu, Pieces},
-    output::{self, Kind},
+    output::{self, FileKind},
     passes::display::Display,
     plan::Part,
 };
@@ -21,19 +21,19 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// See the module.
+/// The window's handle to the rendering thread. The thread ends when the handle is dropped.
 pub struct Engine {
-    shared: Arc<Shared>,
+    shared: Arc<EngineState>,
     thread: Option<JoinHandle<()>>,
 }
 
-struct Shared {
+struct EngineState {
     inbox: Mutex<Inbox>,
     bell: Condvar,
     pieces: Pieces,
-    /// Whether what runs now may be stopped for something newer.
+    /// Whether the frame that runs now may be stopped for something newer.
     patient: AtomicBool,
-    shown: Mutex<Shown>,
+    shown: Mutex<EngineOutput>,
     notices: Mutex<Vec<Notice>>,
     wake: Box<dyn Fn() + Send + Sync>,
 }
@@ -51,12 +51,12 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Engine {
-    /// Starts the thread; `wake` is called whenever there is something new to show or to say.
+    /// Starts the thread. `wake` is called whenever there is something new to show or to say.
     ///
     /// # Errors
-    /// No thread can be started.
+    /// Fails if no thread can be started.
     pub fn start(gpu: Gpu, wake: impl Fn() + Send + Sync + 'static) -> Result<Self> {
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(EngineState {
             inbox: Mutex::default(),
             bell: Condvar::new(),
             pieces: Pieces::default(),
@@ -71,7 +71,7 @@ impl Engine {
         Ok(Self { shared, thread: Some(thread) })
     }
 
-    /// Asks for something to be seen, instead of what was asked for before.
+    /// Asks for something to be shown, in place of the former request.
     pub fn want(&self, wanted: Wanted) {
         let mut inbox = lock(&self.shared.inbox);
         let other = inbox.wanted.as_ref().is_none_or(|old| !old.same_view(&wanted) || old.sides != wanted.sides);
@@ -83,18 +83,18 @@ impl Engine {
         self.shared.bell.notify_one();
     }
 
-    /// Asks for something to be done.
+    /// Asks for something to be done once.
     pub fn order(&self, order: Order) {
         lock(&self.shared.inbox).orders.push(order);
         self.shared.bell.notify_one();
     }
 
     /// What there is to show.
-    pub fn shown(&self) -> Shown {
+    pub fn shown(&self) -> EngineOutput {
         lock(&self.shared.shown).clone()
     }
 
-    /// What there is to say, once.
+    /// What there is to say. Each notice is returned once.
     pub fn notices(&self) -> Vec<Notice> {
         std::mem::take(&mut lock(&self.shared.notices))
     }
@@ -110,17 +110,17 @@ impl Drop for Engine {
         {
             tracing::error!("the rendering thread panicked");
         }
-        *lock(&self.shared.shown) = Shown::default();
+        *lock(&self.shared.shown) = EngineOutput::default();
     }
 }
 
-fn run(gpu: Gpu, shared: &Shared) {
+fn run(gpu: Gpu, shared: &EngineState) {
     let fail = |text: String| {
         lock(&shared.notices).push(Notice::Failed(text));
         (shared.wake)();
     };
     let gpu = gpu.keeping_passes(); // a method that was shown before is there at once
-    let mut work = match Work::new(&gpu, shared) {
+    let mut work = match Worker::new(&gpu, shared) {
         Ok(work) => work,
         Err(error) => return fail(error.to_string()),
     };
@@ -131,7 +131,7 @@ fn run(gpu: Gpu, shared: &Shared) {
             Ok(wait) => wait,
             Err(error) if interrupted(&error) => Some(Duration::ZERO),
             Err(error) => {
-                // the last picture stays; something else may work
+                // The last picture stays. Another request may work.
                 fail(error.to_string());
                 None
             }
@@ -139,8 +139,9 @@ fn run(gpu: Gpu, shared: &Shared) {
     }
 }
 
-/// What is wanted now, as soon as that changes or the time is over; nothing once it is the end.
-fn next(shared: &Shared, wait: Option<Duration>) -> Option<(Wanted, Vec<Order>, bool)> {
+/// Waits until the request changes or the time is over, and returns it with the new orders. Returns `None`
+/// when the thread is to end.
+fn next(shared: &EngineState, wait: Option<Duration>) -> Option<(Wanted, Vec<Order>, bool)> {
     let mut inbox = lock(&shared.inbox);
     let until = wait.map(|wait| Instant::now() + wait);
     loop {
@@ -165,9 +166,9 @@ fn next(shared: &Shared, wait: Option<Duration>) -> Option<(Wanted, Vec<Order>, 
     }
 }
 
-struct Work<'a> {
+struct Worker<'a> {
     gpu: Gpu,
-    shared: &'a Shared,
+    shared: &'a EngineState,
     display: Display,
     painters: [Painter; 2],
     orders: Vec<Order>,
@@ -178,8 +179,8 @@ struct Work<'a> {
     surface: Option<(usize, Arc<crate::panorama::source::PanoramaFrame>)>,
 }
 
-impl<'a> Work<'a> {
-    fn new(gpu: &Gpu, shared: &'a Shared) -> Result<Self> {
+impl<'a> Worker<'a> {
+    fn new(gpu: &Gpu, shared: &'a EngineState) -> Result<Self> {
         let painter = || Painter::new(gpu, &shared.pieces);
         Ok(Self {
             gpu: gpu.clone(),
@@ -195,7 +196,7 @@ impl<'a> Work<'a> {
         })
     }
 
-    /// One frame of each picture. Returns when to come again, if nothing else happens.
+    /// Renders one frame of each picture. Returns when to continue if nothing else happens.
     fn turn(&mut self, wanted: &Wanted, fresh: bool) -> Result<Option<Duration>> {
         if self.last.as_ref().is_none_or(|last| !last.same_view(wanted)) {
             self.changed = Instant::now();
@@ -210,7 +211,8 @@ impl<'a> Work<'a> {
         }
         let pairs = self.painters.iter().zip(&wanted.sides).take(count);
         let next: Vec<Pace> = pairs.map(|(painter, side)| painter.next(wanted, side)).collect();
-        // both come along together: who is ahead waits, or, where they are to be compared, begins again
+        // Both pictures proceed together. The one that is ahead waits. If they are to be compared, it begins
+        // again.
         let pace = next.iter().copied().min().filter(|_| !quickly).unwrap_or(Pace::Quick);
         let differ = wanted.compare == Compare::Difference;
         let mut sizes: Vec<[u32; 2]> = self.painters.iter_mut().take(count).map(|p| p.size(wanted, pace)).collect();
@@ -222,7 +224,7 @@ impl<'a> Work<'a> {
             let waits = next[index] > pace && !quickly && !differ;
             let new = !waits && self.painters[index].step(wanted, side, pace, sizes[index])?;
             rendered += u64::from(new);
-            // A is not kept waiting for B, but differs only from a B of the same view
+            // A does not wait for B, but it can only differ from a B of the same view.
             if (new && !differ) || (index + 1 == count && (fresh || rendered > published)) {
                 self.publish(wanted, count, rendered - published, quickly)?;
                 published = rendered;
@@ -243,7 +245,7 @@ impl<'a> Work<'a> {
 
     fn publish(&mut self, wanted: &Wanted, count: usize, rendered: u64, quickly: bool) -> Result<()> {
         self.serial += 1;
-        let mut pictures: [Option<Picture>; 2] = [None, None];
+        let mut pictures: [Option<RenderedPicture>; 2] = [None, None];
         for (slot, painter) in pictures.iter_mut().zip(&mut self.painters).take(count) {
             *slot = painter.picture(&self.display, wanted, None, self.serial)?;
         }
@@ -264,7 +266,7 @@ impl<'a> Work<'a> {
         };
         self.played = Some(frame);
         let mut aovs = self.painters[0].renderer().map_or_else(Vec::new, crate::renderer::Renderer::aov_names);
-        // where there are two layers these are put together on reading, and nothing is read here
+        // Where there are two layers, reading these images would put them together, but nothing is read here.
         for name in ["position", "motion"] {
             if aovs.contains(&format!("{name}_virtual")) {
                 aovs.retain(|known| known != name);
@@ -325,7 +327,7 @@ impl<'a> Work<'a> {
             if painter.frames < (*frames).min(enough) {
                 return true;
             }
-            let written = Kind::of(path)
+            let written = FileKind::of(path)
                 .and_then(|kind| output::write(renderer, &wanted.scene, path, kind, wanted.exposure, &[]));
             notices.push(match written {
                 Ok(()) => Notice::Written { path: path.clone(), size: wanted.size, frames: painter.frames },
@@ -340,7 +342,7 @@ impl<'a> Work<'a> {
     }
 }
 
-impl Drop for Work<'_> {
+impl Drop for Worker<'_> {
     fn drop(&mut self) {
         tracing::debug!("the rendering thread ends on {}", self.gpu.device_name());
     }

@@ -1,4 +1,4 @@
-//! What the colours of the picture mean, over the picture.
+//! Explains the colours of the picture, over the picture.
 
 use super::{session::Session, state::Compare};
 use crate::passes::display::Look;
@@ -7,7 +7,8 @@ use egui::{Align2, Color32, FontId, Mesh, Pos2, Rect, Shape, pos2, vec2};
 /// Width of the text and of the scale, points.
 const WIDTH: f32 = 260.0;
 
-/// Draws it into the lower right corner, unless the picture is simply the scene as it looks, or smaller than two of these.
+/// Draws the legend into the lower right corner. It is left out if the picture shows the scene as it looks,
+/// or if the picture is too small.
 pub fn show(session: &Session, painter: &egui::Painter, rect: Rect) {
     if rect.width() < 2.0 * WIDTH {
         return;

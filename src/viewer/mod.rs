@@ -1,8 +1,9 @@
-//! `iprt view`: the window. See it, move in it, compare in it.
+//! `iprt view` opens the window, to see a scene, move in it and compare in it.
 //!
-//! Three threads. The first handles events and lays panels out, and waits for nothing. [`engine`]'s renders what is wanted now.
-//! [`presenter`]'s copies finished pictures to the window and draws the panels over them. Between the first two go a
-//! [`state::Wanted`], of which the newest counts, and a [`state::Shown`].
+//! There are three threads. The first one handles events, lays out the panels, and never waits. The thread of
+//! [`engine`] renders what is wanted now. The thread of [`presenter`] copies finished pictures to the window
+//! and draws the panels over them. The first thread sends a [`state::Wanted`] to the second one, of which the
+//! newest counts, and receives a [`state::EngineOutput`].
 
 pub mod app;
 pub mod camera;
@@ -23,4 +24,4 @@ pub mod state;
 pub mod timings_panel;
 
 pub use app::{Open, Opened, Options, run};
-pub use report::Report;
+pub use report::SessionReport;

@@ -1,12 +1,13 @@
-//! One of the two pictures: its renderer, the size that holds the frame time, and the images that the window copies.
+//! Paints one of the two pictures. A painter has a renderer, the size that keeps the frame time, and the
+//! images that the window copies.
 
-use super::state::{Compare, Picture, Side, Wanted};
+use super::state::{Compare, RenderedPicture, Side, Wanted};
 use crate::{
     Error, Result,
     gpu::{Gpu, Image, Pieces, Timings},
     options::RenderOptions,
     passes::display::{Display, Input, Look},
-    plan::{Plan, facts::CameraPlace},
+    plan::Plan,
     renderer::Renderer,
     scene::{Scene, packed::PackedScene, viewpoint::Projection},
 };
@@ -15,29 +16,30 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// By how much the picture may be smaller than it should be, each way.
+/// Factors by which the picture may be smaller than it should be, each way.
 const SHRINK: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
-/// Assumed before anything was measured: milliseconds a pixel.
+/// Milliseconds a pixel that are assumed before anything was measured.
 const GUESS: f64 = 4e-3;
-/// Frames that are expected to take longer are submitted in pieces, milliseconds.
+/// A frame that is expected to take longer is submitted in pieces, milliseconds.
 const SHORT: f64 = 20.0;
 
-/// A still picture that takes twice as long in full size is first seen in one that takes this, milliseconds.
+/// Frame time of the picture that is shown first when a still picture in full size takes more than twice as
+/// long, milliseconds.
 const BETWEEN: f64 = 500.0;
 
-/// How much time a frame is given, the least first.
+/// How much time a frame is given, from the least to the most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Pace {
-    /// As much as is wanted while things move.
+    /// As much as is asked for while things move.
     Quick,
-    /// Half a second: on the way from a quick picture to a slow one.
+    /// Half a second, on the way from a quick picture to a slow one.
     Between,
-    /// As much as its full size takes.
+    /// As much as the full size takes.
     Full,
 }
 
 impl Pace {
-    /// Milliseconds of a frame; none for as many as it takes.
+    /// Milliseconds that a frame may take, or `None` if there is no limit.
     fn target(self, wanted: &Wanted) -> Option<f64> {
         let share = if wanted.compare == Compare::Single { 1.0 } else { 0.5 };
         match self {
@@ -48,45 +50,46 @@ impl Pace {
     }
 }
 
-/// See the module.
+/// A renderer of one picture, and what is known of its frames.
 pub struct Painter {
     gpu: Gpu,
     pieces: Pieces,
     renderer: Option<Renderer>,
     made_for: Option<(Arc<PackedScene>, Side)>,
     view: Option<Wanted>,
-    /// Frames of this view and size.
+    /// Number of frames of this view and size.
     pub frames: u32,
-    /// How far this view has come.
+    /// The pace that this view has reached.
     reached: Option<Pace>,
-    cost: Cost,
+    cost: CostModel,
     frame_ms: f64,
     timings: Arc<Timings>,
     held_relight: bool,
-    /// The next picture in full size begins anew: something has moved since the relit panorama began to accumulate.
+    /// Whether something has moved since the relit panorama began to accumulate. The next picture in full
+    /// size then begins anew.
     stale: bool,
-    /// All frames since the last fresh start were in full size, with all passes.
+    /// Whether all frames since the last fresh start had the full size and all passes.
     pure: bool,
     images: Vec<Image>,
-    /// The renderer shows the real scene alone, until the one that was asked for is made.
+    /// Whether the renderer shows the real scene alone, until the renderer that was asked for is made.
     preview: bool,
 }
 
-/// What a frame costs: so much, and so much a pixel, milliseconds.
+/// A model of the time that a frame takes: a constant part, and a part for each pixel, milliseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Cost {
+struct CostModel {
     a_pixel: Option<f64>,
     relight: f64,
     shrink: usize,
 }
 
-impl Cost {
-    /// The size that holds the target, milliseconds.
+impl CostModel {
+    /// The size that keeps the target, in milliseconds.
     fn size(&mut self, full: [u32; 2], target: f64, relight: f64) -> [u32; 2] {
         let pixels = f64::from(full[0]) * f64::from(full[1]);
         let a_pixel = self.a_pixel.unwrap_or(GUESS);
         let takes = |shrink: f64| relight + a_pixel * pixels / (shrink * shrink);
-        // a size that does is kept, so that it does not go up and down
+        // A size that keeps it stays, so that the size does not go up and down.
         let now = takes(SHRINK[self.shrink]);
         if now > 1.25 * target || now < 0.4 * target {
             self.shrink = SHRINK.iter().position(|s| takes(*s) <= target).unwrap_or(SHRINK.len() - 1);
@@ -109,7 +112,7 @@ impl Cost {
 }
 
 impl Painter {
-    /// Nothing is made before the first step.
+    /// Makes a painter. It makes its renderer at the first step.
     pub fn new(gpu: &Gpu, pieces: &Pieces) -> Self {
         Self {
             gpu: gpu.clone(),
@@ -119,7 +122,7 @@ impl Painter {
             view: None,
             frames: 0,
             reached: None,
-            cost: Cost::default(),
+            cost: CostModel::default(),
             frame_ms: 0.0,
             timings: Arc::default(),
             held_relight: false,
@@ -144,7 +147,7 @@ impl Painter {
         self.made_for.as_ref().is_some_and(|(packed, made)| Arc::ptr_eq(packed, &wanted.scene.packed) && made == side)
     }
 
-    /// What comes next for this view, if it stands still.
+    /// The pace of the next frame of this view, if the view stands still.
     pub fn next(&self, wanted: &Wanted, side: &Side) -> Pace {
         let known = self.is_made_for(wanted, side) && self.view.as_ref().is_some_and(|view| view.same_view(wanted));
         match self.reached.filter(|_| known) {
@@ -164,10 +167,10 @@ impl Painter {
         pace.target(wanted).map_or(wanted.size, |target| self.cost.size(wanted.size, target, relight))
     }
 
-    /// Renders one frame of this size, if another one is worth while.
+    /// Renders one frame of this size, if another frame is worthwhile. Returns whether it did.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] where something newer is to be shown; what the renderer cannot do.
+    /// Fails with [`Error::Interrupted`] if something newer is to be shown, and fails if the renderer fails.
     pub fn step(&mut self, wanted: &Wanted, side: &Side, pace: Pace, size: [u32; 2]) -> Result<bool> {
         let scene = &wanted.scene;
         if self.made_for.is_none() && !self.preview {
@@ -225,7 +228,7 @@ impl Painter {
         }
         self.held_relight = hold_relight;
         let relight = timings.entries.iter().filter(|(name, _)| name == "relight").map(|(_, ms)| ms).sum();
-        // the first frame compiles, and prepares the panorama
+        // The first frame compiles shaders and prepares the panorama, so its time does not count.
         if !built {
             self.cost.learn(timings.gpu_ms, relight, size);
         }
@@ -235,7 +238,8 @@ impl Painter {
         Ok(true)
     }
 
-    /// The panorama without objects, which takes few pipelines and little time: seen at once, while the others are made.
+    /// Shows the panorama without objects. It takes few pipelines and little time, so it is seen at once,
+    /// while the other pipelines are made.
     fn show_real_scene(&mut self, wanted: &Wanted, side: &Side) -> Result<()> {
         self.preview = true; // once, also where it fails
         let mut renderer = Renderer::new(&self.gpu, &wanted.scene, options(wanted.size, side, true))?;
@@ -250,32 +254,24 @@ impl Painter {
         self.renderer = None;
         self.made_for = None;
         let options = options(size, side, false);
-        let mut plan = Plan::of(&wanted.scene, &options, None)?;
-        let facts = &mut plan.facts;
-        facts.camera = CameraPlace::Both(f32::INFINITY);
-        facts.moving = Some("objects can be moved by hand".into());
-        facts.alone = Err("objects can be moved by hand".into());
-        facts.in_view = true;
-        // smaller pictures are coarser
-        facts.footprint *= SHRINK[SHRINK.len() - 1] as f32;
-        let plan = plan.with(&options.settings);
+        let plan = Plan::interactive(&wanted.scene, &options, SHRINK[SHRINK.len() - 1] as f32)?;
         self.renderer = Some(Renderer::with_plan(&self.gpu, &wanted.scene, options, plan)?);
         self.made_for = Some((Arc::clone(&wanted.scene.packed), side.clone()));
         self.preview = false;
         Ok(())
     }
 
-    /// The last frame as the window shows it; `other` is what it is compared with.
+    /// The last frame as the window shows it. `other` is the picture that it is compared with.
     ///
     /// # Errors
-    /// No such image, a lost device.
+    /// Fails if there is no such image, or if the device is lost.
     pub fn picture(
         &mut self,
         display: &Display,
         wanted: &Wanted,
         other: Option<&Image>,
         serial: u64,
-    ) -> Result<Option<Picture>> {
+    ) -> Result<Option<RenderedPicture>> {
         let Some(renderer) = &mut self.renderer else { return Ok(None) };
         let marked = if wanted.mark_unknown && renderer.frames() > 0 { Some(renderer.unknown()?) } else { None };
         let name = if other.is_some() { "radiance" } else { wanted.aov.as_str() };
@@ -305,7 +301,7 @@ impl Painter {
         if !self.images.iter().any(|known| known.same(&image)) {
             self.images.push(image.clone());
         }
-        Ok(Some(Picture {
+        Ok(Some(RenderedPicture {
             image,
             size,
             full: wanted.size,
@@ -321,7 +317,7 @@ impl Painter {
         }))
     }
 
-    /// Frees what it holds.
+    /// Frees all that the painter holds.
     pub fn clear(&mut self) {
         *self = Self::new(&self.gpu, &self.pieces);
     }
@@ -338,12 +334,12 @@ fn options(size: [u32; 2], side: &Side, without_objects: bool) -> RenderOptions 
     }
 }
 
-/// Whether it is the end of a frame that something newer made useless.
+/// Whether the error is the end of a frame that something newer made useless.
 pub fn interrupted(error: &Error) -> bool {
     matches!(error, Error::Interrupted { .. })
 }
 
-/// How long after a change the next one is expected.
+/// How long after a change the next change is expected.
 pub const SETTLED: Duration = Duration::from_millis(250);
 
 #[cfg(test)]
@@ -352,7 +348,7 @@ mod tests {
 
     #[test]
     fn the_size_holds_the_frame_time() {
-        let mut cost = Cost::default();
+        let mut cost = CostModel::default();
         for (a_pixel, relight) in [(1e-6, 0.0), (1e-4, 5.0), (3e-3, 0.0), (3e-3, 30.0)] {
             cost.a_pixel = Some(a_pixel);
             let size = cost.size([1280, 720], 66.0, relight);
@@ -364,7 +360,7 @@ mod tests {
 
     #[test]
     fn what_was_measured_counts() {
-        let mut cost = Cost::default();
+        let mut cost = CostModel::default();
         for _ in 0..20 {
             cost.learn(110.0, 10.0, [100, 100]);
         }

@@ -1,12 +1,12 @@
-//! The panels: what can be chosen, and what is being shown.
+//! The panels, which show what can be chosen and what is being shown.
 
 use super::{
     controls,
     edit::shape_object,
     legend,
-    session::{Action, Session},
+    session::{Session, WindowRequest},
     settings_panel,
-    state::{Compare, Picture, Side},
+    state::{Compare, RenderedPicture, Side},
     timings_panel,
 };
 use crate::{gpu::PresentMode, passes::display::Look, scene::shapes::Shape, settings::Method};
@@ -16,12 +16,12 @@ use std::{path::PathBuf, time::Duration};
 
 /// Width of the panels, points.
 const WIDTH: f32 = 330.0;
-/// Loading that takes longer is explained.
+/// Loading is explained if it takes longer.
 const LONG: Duration = Duration::from_secs(5);
-/// A window no wider shows none.
+/// A window of this width or less shows no panels.
 const NARROW: f32 = 480.0;
 
-/// Everything in the window.
+/// Lays out everything in the window.
 pub fn window(session: &mut Session, ui: &mut Ui) {
     session.pixels_per_point = ui.ctx().pixels_per_point();
     controls::keys(session, &ui.ctx().clone());
@@ -214,7 +214,7 @@ fn objects(session: &mut Session, ui: &mut Ui) {
         let path = egui::TextEdit::singleline(&mut session.model_path).hint_text(".glb, .gltf").desired_width(180.0);
         ui.add(path).on_hover_text("or drop the file on the window");
         if ui.button("add").clicked() && !session.model_path.is_empty() {
-            session.actions.push(Action::Load(PathBuf::from(session.model_path.trim())));
+            session.actions.push(WindowRequest::Load(PathBuf::from(session.model_path.trim())));
         }
     });
     ui.horizontal(|ui| {
@@ -227,7 +227,7 @@ fn objects(session: &mut Session, ui: &mut Ui) {
     });
 }
 
-/// Which parts of the model the scene needs.
+/// Shows which parts of the model the scene needs.
 fn plan(session: &Session, ui: &mut Ui) {
     egui::Grid::new("plan").num_columns(2).spacing([8.0, 2.0]).show(ui, |ui| {
         for (name, on, why) in &session.shown.plan {
@@ -259,7 +259,7 @@ fn window_options(session: &mut Session, ui: &mut Ui) {
     });
     ui.horizontal(|ui| {
         if ui.button("full screen").on_hover_text("F11").clicked() {
-            session.actions.push(Action::FullScreen);
+            session.actions.push(WindowRequest::FullScreen);
         }
         if ui.button("help").on_hover_text("F1").clicked() {
             session.help = !session.help;
@@ -267,10 +267,10 @@ fn window_options(session: &mut Session, ui: &mut Ui) {
     });
 }
 
-/// What is being shown, and messages.
+/// Shows what is being shown, and messages.
 fn over_picture(session: &mut Session, ui: &mut Ui, rect: egui::Rect) {
     let painter = ui.painter_at(rect);
-    let line = |picture: &Picture, side: &Side, name: &str| {
+    let line = |picture: &RenderedPicture, side: &Side, name: &str| {
         if picture.preview {
             return format!("{name}: the real scene alone; {} is being prepared", side.method.name());
         }
@@ -328,7 +328,7 @@ fn over_picture(session: &mut Session, ui: &mut Ui, rect: egui::Rect) {
     }
 }
 
-/// The box of the selected object.
+/// Draws the box of the selected object.
 fn outline(
     painter: &egui::Painter,
     rect: egui::Rect,

@@ -1,4 +1,5 @@
-//! What lies under the pointer, found on the CPU: objects by their triangles, real surfaces by their depth.
+//! Finds what lies under the pointer, on the CPU. Objects are found by their triangles, real surfaces by
+//! their depth.
 
 use super::camera::Lens;
 use crate::{
@@ -7,27 +8,28 @@ use crate::{
 };
 use glam::{Vec2, Vec3};
 
-/// Steps along a ray that does not start at the capture point.
+/// Number of steps along a ray that does not start at the capture point.
 const STEPS: u32 = 512;
-/// Depths of neighbours that are farther apart belong to two surfaces.
+/// The depths of neighbours whose ratio is larger belong to two surfaces.
 const ONE_SURFACE: f32 = 1.3;
-/// Nothing farther is looked for, metres.
+/// Nothing is looked for at a greater distance, metres.
 const FARTHEST: f32 = 100.0;
 
 /// The real surface of a video frame.
 #[derive(Clone, Copy)]
-pub struct Surface<'a> {
-    /// Its depth.
+pub struct RealSurface<'a> {
+    /// The frame with its depth.
     pub frame: &'a PanoramaFrame,
-    /// The capture point, world, metres.
+    /// The capture point in the world, metres.
     pub centre: Vec3,
-    /// About +Y.
+    /// Turn about +Y, degrees.
     pub yaw_degrees: f32,
 }
 
-impl Surface<'_> {
-    /// Metres from the capture point in a direction of the world; none where nothing was seen. Between texels of one surface their inverse
-    /// is interpolated, which a plane's nearly is.
+impl RealSurface<'_> {
+    /// Depth from the capture point in a direction of the world, metres. It is `None` where nothing was seen.
+    /// Between texels of one surface the inverse of depth is interpolated, since it is nearly linear on a
+    /// plane.
     fn depth(&self, direction: Vec3) -> Option<f32> {
         let [width, height] = self.frame.depth_size.map(f64::from);
         let local = mapping::world_to_panorama(direction.as_dvec3(), f64::from(self.yaw_degrees));
@@ -48,7 +50,8 @@ impl Surface<'_> {
         Some(texel(weight.x.round() as i64, weight.y.round() as i64)).filter(|depth| *depth > 0.0)
     }
 
-    /// Where a ray (unit direction) meets the surface, and the surface's normal there. World, metres.
+    /// Where a ray with a unit direction meets the surface, and the surface's normal there. The place is in
+    /// the world, in metres.
     pub fn hit(&self, origin: Vec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
         let from = origin - self.centre;
         let point = if from.length() < 1e-4 {
@@ -58,7 +61,7 @@ impl Surface<'_> {
                 let p = from + t * direction;
                 self.depth(p).is_some_and(|depth| depth <= p.length())
             };
-            // steps grow with the distance
+            // The steps grow with the distance.
             let place = |k: u32| 0.02 * ((FARTHEST / 0.02).powf(k as f32 / STEPS as f32));
             let first = (1..=STEPS).find(|k| behind(place(*k)) && !behind(place(*k - 1)))?;
             let (mut near, mut far) = (place(first - 1), place(first));
@@ -71,7 +74,7 @@ impl Surface<'_> {
         Some((point, self.normal(point - self.centre)))
     }
 
-    /// From a few texels around, towards the capture point.
+    /// The normal from a few texels around the place. It points towards the capture point.
     fn normal(&self, local: Vec3) -> Vec3 {
         let d = local.normalize();
         let (right, up) = d.any_orthonormal_pair();
@@ -86,17 +89,17 @@ impl Surface<'_> {
     }
 }
 
-/// The object that is seen at a place of the picture.
-pub fn object_at(scene: &Scene, surface: Option<Surface>, lens: &Lens, place: Vec2, time: f64) -> Option<usize> {
+/// The object that is seen at a place in the picture.
+pub fn object_at(scene: &Scene, surface: Option<RealSurface>, lens: &Lens, place: Vec2, time: f64) -> Option<usize> {
     let (origin, direction) = (lens.camera.position, lens.direction(place));
     let (index, distance) = scene.first_object(origin, direction, time)?;
     let hidden = surface.and_then(|surface| surface.hit(origin, direction));
-    // the depth map is no finer than its texels
+    // The depth map is no finer than its texels, hence the margin.
     let hidden = hidden.is_some_and(|(point, _)| point.distance(origin) < 0.97 * distance - 0.02);
     (!hidden).then_some(index)
 }
 
-/// By how much a box has to move to stand on a surface at a point, its middle over it.
+/// How far a box must move to stand on a surface, with its middle over the point.
 pub fn onto(bounds: &Bounds, point: Vec3, normal: Vec3) -> Vec3 {
     let half = 0.5 * (bounds.max - bounds.min);
     point + normal * half.dot(normal.abs()) - bounds.center()
@@ -120,7 +123,7 @@ mod tests {
         for yaw_degrees in [0.0, 40.0] {
             let depth = box_depth(size, extent, middle, f64::from(yaw_degrees));
             let frame = PanoramaFrame { depth_size: size, depth, ..Default::default() };
-            let surface = Surface { frame: &frame, centre, yaw_degrees };
+            let surface = RealSurface { frame: &frame, centre, yaw_degrees };
             for origin in [centre, centre + vec3(0.7, -0.4, 1.1)] {
                 for (direction, normal) in [
                     (vec3(0.2, -1.0, 0.1), Vec3::Y),

@@ -1,4 +1,4 @@
-//! The thread that draws the window. Presenting waits for what the device is doing; events must not.
+//! The thread that draws the window. Presenting waits for the device, and events must not wait.
 
 use crate::{
     Error, Result,
@@ -12,54 +12,54 @@ use std::{
     thread::JoinHandle,
 };
 
-/// What is to be drawn.
+/// What is drawn in one frame of the window.
 pub struct WindowFrame {
-    /// Of the window, pixels.
+    /// Width and height of the window, pixels.
     pub size: [u32; 2],
-    /// When it is to be shown.
+    /// When the frame is to be shown.
     pub mode: PresentMode,
-    /// Pictures and where they go.
+    /// Pictures, and where they go.
     pub blits: Vec<Blit>,
-    /// Panels over them.
+    /// The panels over them.
     pub paint: Paint,
-    /// Takes the surface for lost.
+    /// Whether the surface is to be treated as lost.
     pub lose: bool,
 }
 
-/// How drawing has gone so far.
+/// Counts of what has been drawn so far.
 #[derive(Clone, Debug, Default)]
-pub struct Progress {
+pub struct PresentStats {
     /// Frames of the window that were shown.
     pub shown: u64,
-    /// Frames that were not, as the window was hidden or had just changed.
+    /// Frames that were not shown, because the window was hidden or had just changed.
     pub skipped: u64,
-    /// How often its images were made anew.
+    /// How often the window's images were made anew.
     pub swapchains: u64,
-    /// What ended it.
+    /// What ended the thread.
     pub failure: Option<String>,
     /// Whether the last frame reached the window.
     pub last_shown: bool,
 }
 
-/// See the module.
+/// The window's handle to the presenting thread.
 pub struct Presenter {
     frames: Option<Sender<WindowFrame>>,
-    progress: Arc<Mutex<Progress>>,
+    progress: Arc<Mutex<PresentStats>>,
     thread: Option<JoinHandle<()>>,
-    /// What the window offers.
+    /// The present modes that the window offers.
     pub modes: Vec<PresentMode>,
     sent: u64,
 }
 
 impl Presenter {
-    /// Starts the thread; `wake` is called after each frame.
+    /// Starts the thread. `wake` is called after each frame.
     ///
     /// # Errors
-    /// The device cannot show anything in this window.
+    /// Fails if the device cannot show anything in this window.
     pub fn start(gpu: &Gpu, window: Arc<dyn WindowHandles>, wake: impl Fn() + Send + 'static) -> Result<Self> {
         let screen = Screen::new(gpu, window)?;
         let modes = screen.modes().to_vec();
-        let progress = Arc::<Mutex<Progress>>::default();
+        let progress = Arc::<Mutex<PresentStats>>::default();
         let (frames, inbox) = channel();
         let there = Arc::clone(&progress);
         let thread =
@@ -68,7 +68,7 @@ impl Presenter {
         Ok(Self { frames: Some(frames), progress, thread: Some(thread), modes, sent: 0 })
     }
 
-    /// Hands a frame over.
+    /// Hands over a frame.
     pub fn send(&mut self, frame: WindowFrame) {
         if let Some(frames) = &self.frames
             && let Err(unsent) = frames.send(frame)
@@ -78,20 +78,20 @@ impl Presenter {
         self.sent += 1;
     }
 
-    /// How it has gone, and whether all frames that were handed over are done.
-    pub fn progress(&self) -> (Progress, bool) {
+    /// The counts so far, and whether all frames that were handed over are done.
+    pub fn progress(&self) -> (PresentStats, bool) {
         let progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let done = progress.shown + progress.skipped >= self.sent;
         (progress, done)
     }
 }
 
-/// egui wants to know that its textures were seen to.
+/// Tells egui that its textures were taken care of, as it demands.
 fn forget(mut frame: WindowFrame) {
     frame.paint.textures.clear();
 }
 
-fn run(mut screen: Screen, inbox: &Receiver<WindowFrame>, progress: &Mutex<Progress>, wake: &dyn Fn()) {
+fn run(mut screen: Screen, inbox: &Receiver<WindowFrame>, progress: &Mutex<PresentStats>, wake: &dyn Fn()) {
     while let Ok(frame) = inbox.recv() {
         let lost = if frame.lose { screen.lose() } else { Ok(()) };
         let result = lost.and_then(|()| screen.show(frame.size, frame.mode, &frame.blits, frame.paint));
@@ -110,7 +110,7 @@ fn run(mut screen: Screen, inbox: &Receiver<WindowFrame>, progress: &Mutex<Progr
             break;
         }
     }
-    // what was still under way
+    // The frames that were still under way are dropped here.
     inbox.try_iter().for_each(forget);
 }
 

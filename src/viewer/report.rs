@@ -1,35 +1,35 @@
-//! What a session came to, for scripts.
+//! The report of a session, for scripts.
 
 use super::{session::Session, state::Compare};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Written as JSON when a scripted session ends.
+/// What is written as JSON when a scripted session ends.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Report {
-    /// What it ran on.
+pub struct SessionReport {
+    /// The device that it ran on.
     pub device: String,
     /// Frames of the window that were shown.
     pub frames: u64,
-    /// Frames of the window that were not, as it was hidden or had just changed.
+    /// Frames of the window that were not shown, because the window was hidden or had just changed.
     pub skipped: u64,
-    /// Pictures rendered.
+    /// Number of rendered pictures.
     pub pictures: u64,
-    /// Video frames that playing passed over.
+    /// Number of video frames that playing skipped.
     pub dropped: u64,
     /// How often the window's images were made anew.
     pub swapchains: u64,
-    /// From the start to the first frame with a picture in it, milliseconds.
+    /// Milliseconds from the start to the first frame with a picture in it.
     pub first_picture_ms: Option<f64>,
-    /// The longest that events had to wait, milliseconds.
+    /// The longest time that events had to wait, milliseconds.
     pub longest_event_ms: f64,
-    /// Screenshots: file, size in pixels, frames accumulated.
+    /// Screenshots with file, size in pixels, and number of accumulated frames.
     pub screenshots: Vec<Value>,
-    /// What `note` lines noted.
+    /// What the `note` lines of the script noted.
     pub notes: Vec<Value>,
-    /// What was complained about in the window.
+    /// The errors that were shown in the window.
     pub errors: Vec<String>,
-    /// What the validation layer said.
+    /// The messages of the validation layer.
     pub messages: Vec<String>,
 }
 

@@ -1,5 +1,5 @@
-//! Writes the scene as it is now, so that `render` shows what the window shows. A scene file keeps its comments and whatever was
-//! not changed; a built-in room becomes a folder, as by `iprt scene export`.
+//! Writes the scene as it is now, so that `render` shows what the window shows. A scene file keeps its
+//! comments and all that was not changed. A built-in room becomes a folder, as `iprt scene export` makes it.
 
 use super::edit::{Editor, Made, Origin};
 use crate::{
@@ -18,14 +18,14 @@ use std::path::{Path, PathBuf};
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table};
 
 /// What goes into the file besides objects.
-pub struct View {
-    /// The camera, where it was moved by hand.
+pub struct SavedView {
+    /// The camera, if it was moved by hand.
     pub camera: Option<CameraTrack>,
-    /// Method, settings that differ from its own, exposure.
+    /// Method, exposure, and the settings that differ from the method's own.
     pub render: RenderSettings,
 }
 
-/// A method and settings as a scene file gives them.
+/// A method and its settings as a scene file gives them.
 pub fn render_settings(method: Method, settings: &Settings, exposure: f32) -> RenderSettings {
     let preset = Settings::of(method).values();
     let differing = settings.values().into_iter().zip(preset).filter(|(now, preset)| now != preset);
@@ -33,7 +33,7 @@ pub fn render_settings(method: Method, settings: &Settings, exposure: f32) -> Re
     RenderSettings { method: method.name(), exposure, set }
 }
 
-/// Where a scene is saved unless told otherwise: its own file, or a folder of the room's name.
+/// Where a scene is saved by default: its own file, or a folder with the room's name.
 pub fn usual_place(origin: &Origin) -> PathBuf {
     match origin {
         Origin::File(path) => path.clone(),
@@ -41,11 +41,12 @@ pub fn usual_place(origin: &Origin) -> PathBuf {
     }
 }
 
-/// Saves; `again`: the window itself wrote there before. Returns the scene file.
+/// Saves the scene and returns the scene file. `again` says that the window itself has written there before.
 ///
 /// # Errors
-/// What cannot be written; a scene file in another folder than the one that its paths are relative to.
-pub fn save(editor: &Editor, view: &View, to: &Path, again: bool) -> Result<PathBuf> {
+/// Fails if something cannot be written, or if the scene file goes to another folder than the one that its
+/// paths are relative to.
+pub fn save(editor: &Editor, view: &SavedView, to: &Path, again: bool) -> Result<PathBuf> {
     match &editor.origin {
         Origin::File(from) => save_file(editor, view, from, to),
         Origin::Room(room) => {
@@ -78,7 +79,7 @@ fn parse(path: &Path, text: &str) -> Result<DocumentMut> {
     })
 }
 
-fn save_file(editor: &Editor, view: &View, from: &Path, to: &Path) -> Result<PathBuf> {
+fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Result<PathBuf> {
     let folder = |path: &Path| {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned())
@@ -144,17 +145,17 @@ fn shortest(value: f32) -> f64 {
     value.to_string().parse().unwrap_or_else(|_| f64::from(value))
 }
 
-/// Puts the entries of another table in the place of some.
+/// Replaces some entries by those of another table.
 fn replace(table: &mut Table, keys: &[&str], by: toml::Table) -> Result<()> {
     for key in keys {
         table.remove(key);
     }
-    // the two crates share the text, not the types
+    // The two crates share the text, but not the types.
     let by: DocumentMut =
         by.to_string().parse().map_err(|error: toml_edit::TomlError| Error::Internal(error.to_string()))?;
     for (key, item) in by.iter() {
         let item = match item.as_array_of_tables() {
-            // inline, as a table of its own would end the object's
+            // The table is written inline, since a table of its own would end the object's.
             Some(tables) => {
                 toml_edit::value(tables.iter().map(|t| t.clone().into_inline_table()).collect::<toml_edit::Array>())
             }
@@ -165,7 +166,7 @@ fn replace(table: &mut Table, keys: &[&str], by: toml::Table) -> Result<()> {
     Ok(())
 }
 
-/// Method, settings and exposure, where they are not the defaults or were there before.
+/// Writes method, settings and exposure, if they differ from the defaults or were in the file before.
 fn write_render(document: &mut DocumentMut, render: &RenderSettings) {
     let default = RenderSettings::default();
     if document.get("render").is_none() && *render == default {

@@ -1,5 +1,5 @@
-//! `--script FILE`: events from a file instead of a person, one a line, each played before a frame of the window. [`LINES`] says
-//! what there is.
+//! `--script FILE` plays events from a file instead of a person's. Each line is an event that is played
+//! before a frame of the window. [`LINES`] lists the events.
 
 use crate::{Error, Result, gpu::PresentMode, image_file::read::read_bytes};
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ Lines of a script; `#` begins a comment, and after the last line the window clos
   save PATH            saves the scene
   note WORD            puts the state of the session into the report";
 
-/// One line.
+/// One line of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     Key {
@@ -59,7 +59,7 @@ pub enum Step {
     },
     Save(PathBuf),
     Note(String),
-    /// Not before this frame.
+    /// Waits until this frame.
     Frame(u64),
 }
 
@@ -70,10 +70,10 @@ pub struct Script {
 }
 
 impl Script {
-    /// Reads a file.
+    /// Reads a script from a file.
     ///
     /// # Errors
-    /// A file that cannot be read; the first line that is not understood.
+    /// Fails if the file cannot be read, or at the first line that is not understood.
     pub fn read(path: &Path) -> Result<Self> {
         let text = String::from_utf8(read_bytes(path)?)
             .map_err(|_| Error::input(path.display(), "is not a text file", "give a script"))?;
@@ -104,12 +104,12 @@ impl Script {
         Ok(script)
     }
 
-    /// The step that is next.
+    /// The next step.
     pub fn next(&self) -> Option<&Step> {
         self.steps.front()
     }
 
-    /// Goes on to the one after it.
+    /// Takes the next step, and proceeds to the one after it.
     pub fn done(&mut self) -> Option<Step> {
         self.steps.pop_front()
     }

@@ -1,10 +1,10 @@
-//! What the window shows and how it answers: everything but the window itself.
+//! What the window shows and how it answers, without the window itself.
 
 use super::{
     camera::{Free, Lens},
     edit::{Editor, Made, Origin},
     save::{self, render_settings},
-    state::{Compare, Notice, Shown, Side, Wanted},
+    state::{Compare, EngineOutput, Notice, Side, Wanted},
     timings_panel,
 };
 use crate::{
@@ -21,12 +21,12 @@ use std::{
 
 /// What the session asks of the window.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Action {
+pub enum WindowRequest {
     /// Write A's picture.
     Screenshot(PathBuf),
     /// Read a model and add it.
     Load(PathBuf),
-    /// Into or out of full screen.
+    /// Enter or leave full screen.
     FullScreen,
 }
 
@@ -38,13 +38,13 @@ pub struct Message {
     pub since: Instant,
 }
 
-/// How long it stays.
+/// How long a message stays.
 const MESSAGE_TIME: Duration = Duration::from_secs(8);
 
-/// What a frame took.
+/// The times of a frame.
 #[derive(Clone, Debug)]
-pub struct FrameTime {
-    /// In all, milliseconds.
+pub struct FrameRecord {
+    /// Wall time of the whole frame, milliseconds.
     pub wall_ms: f64,
     pub timings: Arc<Timings>,
 }
@@ -56,27 +56,28 @@ pub enum Drag {
     Look,
     /// The line between A and B.
     Divider,
-    /// An object over surfaces; from the pointer to the object's foot, in parts of the picture.
+    /// An object, over surfaces. `grip` is the way from the pointer to the object's foot, as a part of the
+    /// picture.
     Move { grip: glam::Vec2 },
-    /// An object about its vertical.
+    /// An object, about its vertical axis.
     Turn,
-    /// An object's size.
+    /// The size of an object.
     Scale,
 }
 
-/// See the module.
+/// The state of the window's content.
 pub struct Session {
-    /// Nothing while the scene is loading.
+    /// The edited scene. It is `None` while the scene is loading.
     pub editor: Option<Editor>,
-    /// The camera, where it was moved by hand.
+    /// The camera, if it was moved by hand.
     pub free: Option<Free>,
-    /// Seconds.
+    /// Time of the scene, seconds.
     pub time: f64,
     pub playing: bool,
     pub looping: bool,
     pub sides: [Side; 2],
     pub compare: Compare,
-    /// Where A ends and B begins, 0 to 1 across the picture.
+    /// Where A ends and B begins, from 0 to 1 across the picture.
     pub divider: f32,
     pub aov: String,
     pub exposure: f32,
@@ -88,35 +89,35 @@ pub struct Session {
     pub panels: bool,
     pub help: bool,
     pub drag: Option<Drag>,
-    /// Keys that move the camera are down.
+    /// Whether keys that move the camera are down.
     pub walking: bool,
     pub messages: Vec<Message>,
-    /// Every message so far that was an error.
+    /// All messages so far that were errors.
     pub errors: Vec<String>,
-    /// The picture in the window, points.
+    /// The picture's rectangle in the window, points.
     pub picture: egui::Rect,
     pub pixels_per_point: f32,
-    pub actions: Vec<Action>,
+    pub actions: Vec<WindowRequest>,
     pub save_path: String,
     pub model_path: String,
     /// Where the session saved before.
     saved: Option<PathBuf>,
     /// Times of A's last frames, the newest last.
-    pub frame_times: Vec<FrameTime>,
+    pub frame_times: Vec<FrameRecord>,
     last_serial: u64,
     played_at: Option<Instant>,
     play_clock: f64,
-    /// The scene, seen by this camera.
+    /// The scene as this camera sees it, and what it was made of.
     seen: Option<(Arc<Scene>, Option<Free>, Arc<Scene>)>,
-    pub shown: Shown,
+    pub shown: EngineOutput,
     /// When the window was asked for.
     pub started: Instant,
-    /// What it is drawn on, for people.
+    /// The name of the device, for people.
     pub device: String,
 }
 
 impl Session {
-    /// An empty one.
+    /// Makes a session without a scene.
     pub fn new(side: Side, target_ms: f64, device: String) -> Self {
         Self {
             editor: None,
@@ -151,13 +152,13 @@ impl Session {
             played_at: None,
             play_clock: 0.0,
             seen: None,
-            shown: Shown::default(),
+            shown: EngineOutput::default(),
             started: Instant::now(),
             device,
         }
     }
 
-    /// Takes a loaded scene over.
+    /// Takes over a loaded scene.
     pub fn opened(&mut self, scene: Scene, origin: Origin, side: Side, exposure: f32) {
         for warning in &scene.warnings {
             tracing::warn!("{warning}");
@@ -168,12 +169,12 @@ impl Session {
         self.editor = Some(Editor::new(scene, origin));
     }
 
-    /// Says something over the picture.
+    /// Shows a message over the picture.
     pub fn say(&mut self, text: impl Into<String>) {
         self.messages.push(Message { text: text.into(), error: false, since: Instant::now() });
     }
 
-    /// Says that something failed.
+    /// Shows an error over the picture.
     pub fn complain(&mut self, text: impl Into<String>) {
         let text = text.into();
         if self.messages.iter().any(|message| message.text == text) {
@@ -184,12 +185,12 @@ impl Session {
         self.messages.push(Message { text, error: true, since: Instant::now() });
     }
 
-    /// Complains where something failed.
+    /// Shows the error of a result, if it is one.
     pub fn check<T>(&mut self, result: Result<T>) -> Option<T> {
         result.map_err(|error: Error| self.complain(error.to_string())).ok()
     }
 
-    /// What the rendering thread has to say.
+    /// Takes a notice of the rendering thread.
     pub fn hear(&mut self, notice: Notice) {
         match notice {
             Notice::Written { path, size: [w, h], frames } => {
@@ -199,15 +200,15 @@ impl Session {
         }
     }
 
-    /// What it has to show; whether that is new.
-    pub fn see(&mut self, shown: Shown) -> bool {
-        let serials = |shown: &Shown| shown.pictures.each_ref().map(|p| p.as_ref().map(|p| p.serial));
+    /// Takes the output of the rendering thread. Returns whether it is new.
+    pub fn see(&mut self, shown: EngineOutput) -> bool {
+        let serials = |shown: &EngineOutput| shown.pictures.each_ref().map(|p| p.as_ref().map(|p| p.serial));
         let other = serials(&shown) != serials(&self.shown) || shown.idle != self.shown.idle;
         if let Some(picture) = &shown.pictures[0]
             && picture.serial != self.last_serial
         {
             self.last_serial = picture.serial;
-            self.frame_times.push(FrameTime { wall_ms: picture.frame_ms, timings: Arc::clone(&picture.timings) });
+            self.frame_times.push(FrameRecord { wall_ms: picture.frame_ms, timings: Arc::clone(&picture.timings) });
             let extra = self.frame_times.len().saturating_sub(timings_panel::FRAMES);
             self.frame_times.drain(..extra);
         }
@@ -220,7 +221,7 @@ impl Session {
         self.playing || self.walking || self.drag.is_some_and(|drag| drag != Drag::Divider)
     }
 
-    /// The last frame's number, and frames a second.
+    /// Number of the last frame, and frames a second.
     pub fn frames(&self) -> (usize, f64) {
         let Some(editor) = &self.editor else { return (0, 30.0) };
         let (scene, fps) = (editor.scene(), editor.scene().panorama.fps);
@@ -228,7 +229,7 @@ impl Session {
         (count - 1, fps)
     }
 
-    /// The number of the frame that is shown.
+    /// Number of the frame that is shown.
     pub fn frame(&self) -> usize {
         (self.time * self.frames().1).round() as usize
     }
@@ -240,7 +241,7 @@ impl Session {
         self.play_clock = self.time;
     }
 
-    /// Steps over frames, round and round where it loops.
+    /// Steps by some frames. A video that loops starts again at its end.
     pub fn step(&mut self, by: i64) {
         let (last, _) = self.frames();
         let target = self.frame() as i64 + by;
@@ -282,7 +283,7 @@ impl Session {
         Some(Lens { camera: self.camera()?, aspect: size[0] as f32 / size[1] as f32 })
     }
 
-    /// Takes the camera over from the scene.
+    /// Takes the camera over from the scene, so that it can be moved by hand.
     pub fn take_camera(&mut self) -> Option<&mut Free> {
         if self.free.is_none() {
             self.free = Some(Free::from_camera(&self.camera()?));
@@ -290,7 +291,7 @@ impl Session {
         self.free.as_mut()
     }
 
-    /// The picture in the window, pixels.
+    /// Width and height of the picture in the window, pixels.
     pub fn picture_size(&self) -> Option<[u32; 2]> {
         let size = self.picture.size() * self.pixels_per_point;
         let [width, height] = [size.x, size.y].map(|side| side.round().clamp(0.0, 16384.0) as u32);
@@ -330,11 +331,11 @@ impl Session {
         })
     }
 
-    /// The pictures and where they go.
+    /// The pictures, and where they go in the window.
     pub fn blits(&self) -> Vec<Blit> {
         let rect = self.picture * self.pixels_per_point;
         let [left, top, right, bottom] = [rect.min.x, rect.min.y, rect.max.x, rect.max.y].map(f32::round);
-        let part = |picture: &super::state::Picture, from: f32, to: f32| {
+        let part = |picture: &super::state::RenderedPicture, from: f32, to: f32| {
             let [width, height] = picture.size.map(|side| side as f32);
             let across = |x: f32| left + (right - left) * x;
             Blit {
@@ -345,7 +346,8 @@ impl Session {
             }
         };
         let [a, b] = &self.shown.pictures;
-        let whole = |picture: &Option<super::state::Picture>| picture.iter().map(|p| part(p, 0.0, 1.0)).collect();
+        let whole =
+            |picture: &Option<super::state::RenderedPicture>| picture.iter().map(|p| part(p, 0.0, 1.0)).collect();
         match self.compare {
             Compare::Single => whole(a),
             Compare::Split => {
@@ -357,7 +359,7 @@ impl Session {
         }
     }
 
-    /// Puts a model into the scene, in front of the camera, on what is there.
+    /// Puts a model into the scene, in front of the camera and on what is there.
     pub fn add(&mut self, object: Object, made: Made) {
         let (Some(lens), time) = (self.lens(), self.time) else { return };
         let surface = self.shown.surface.clone();
@@ -367,7 +369,7 @@ impl Session {
             let direction = lens.direction(glam::vec2(0.5, 0.6));
             let scene = editor.scene();
             let hit = surface.and_then(|frame| {
-                super::pick::Surface {
+                super::pick::RealSurface {
                     frame: &frame,
                     centre: scene.panorama.position,
                     yaw_degrees: scene.panorama.yaw_degrees,
@@ -383,11 +385,11 @@ impl Session {
         self.check(added);
     }
 
-    /// Saves; what was written, or what is wrong, is said.
+    /// Saves the scene, and tells what was written or what is wrong.
     pub fn save(&mut self, to: &Path) {
         let Some(editor) = &self.editor else { return };
         let side = &self.sides[0];
-        let view = save::View {
+        let view = save::SavedView {
             camera: self.free.map(|free| free.track(editor.scene().camera.size)),
             render: render_settings(side.method, &side.settings, self.exposure),
         };
@@ -402,7 +404,7 @@ impl Session {
         }
     }
 
-    /// Forgets old messages.
+    /// Removes old messages.
     pub fn tidy(&mut self) {
         self.messages.retain(|message| message.since.elapsed() < MESSAGE_TIME);
     }

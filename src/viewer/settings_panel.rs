@@ -1,10 +1,10 @@
-//! The settings of one side, as the one table of them says.
+//! The settings of one side, from the table of all settings.
 
 use super::state::Side;
 use crate::settings::{Description, Settings};
 use egui::{RichText, Ui};
 
-/// A row for each setting, pass by pass.
+/// Shows a row for each setting, pass by pass.
 pub fn show(side: &mut Side, ui: &mut Ui) {
     let preset = Side::of(side.method).settings.values();
     let values = side.settings.values();
@@ -29,7 +29,7 @@ pub fn show(side: &mut Side, ui: &mut Ui) {
         });
         if let Some(text) = chosen {
             let reset = text == default;
-            // the range is the widget's too
+            // The widget has the same range.
             if let Err(error) = side.settings.set(row.name, &text, "the window") {
                 tracing::debug!("{error}");
             }
@@ -48,7 +48,7 @@ fn hover(row: &Description, default: &str) -> String {
     format!("{name}: {meaning}{ways}\n\ndefault {default}{unit}; {}. Click: default", row.allowed())
 }
 
-/// What was chosen.
+/// Shows a setting. Returns the value that was chosen.
 fn edit(row: &Description, value: &str, ui: &mut Ui) -> Option<String> {
     if let [("true", _), ("false", _)] = row.choices {
         let mut on = value == "true";

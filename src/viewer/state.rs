@@ -1,4 +1,4 @@
-//! What the window asks of the thread that renders, and what that shows.
+//! What the window asks of the rendering thread, and what that thread shows.
 
 use crate::{
     gpu::{Image, Timings},
@@ -17,15 +17,15 @@ pub struct Side {
     pub settings: Settings,
 }
 
-/// Frames by which the relit panorama of the model's truth converges before the first picture of it.
+/// Number of frames for which the relit panorama of the model's truth converges before its first picture.
 const TRUTH_WARMUP: u32 = 32;
-/// Frames after which a picture that stands still is left alone.
+/// Number of frames after which a still picture is left alone.
 const REFINED: u32 = 64;
-/// The same where it converges.
+/// The same number for a picture that converges.
 const CONVERGED: u32 = 4096;
 
 impl Side {
-    /// A method as it is by default.
+    /// A method with its default settings.
     pub fn of(method: Method) -> Self {
         let mut settings = Settings::of(method);
         settings.fill_unseen = true;
@@ -35,7 +35,7 @@ impl Side {
         Self { method, settings }
     }
 
-    /// How many frames of a still view are worth while.
+    /// How many frames of a still view are worthwhile.
     pub fn enough(&self) -> u32 {
         if self.method == Method::Reference { CONVERGED } else { REFINED }
     }
@@ -52,37 +52,37 @@ pub enum Compare {
     Difference,
 }
 
-/// What is to be seen. The newest counts; what came before is forgotten.
+/// A request of what is to be seen. The newest request counts, and former ones are forgotten.
 #[derive(Clone, Debug)]
 pub struct Wanted {
     /// The scene, seen by the window's camera.
     pub scene: Arc<Scene>,
-    /// Seconds.
+    /// Time of the scene, seconds.
     pub time: f64,
     /// Full size of the picture, pixels.
     pub size: [u32; 2],
-    /// A and B; B is made only where it is compared.
+    /// A and B. B is made only if it is compared.
     pub sides: [Side; 2],
-    /// How.
+    /// How A and B are compared.
     pub compare: Compare,
-    /// The image to show.
+    /// Name of the image to show.
     pub aov: String,
-    /// Factor on radiance.
+    /// Factor on radiance before display.
     pub exposure: f32,
-    /// Marks what the capture never saw.
+    /// Whether to mark what the capture never saw.
     pub mark_unknown: bool,
-    /// Whether it keeps changing, so that a quick picture is better than a good one.
+    /// Whether the view keeps changing. A quick picture is then better than a good one.
     pub moving: bool,
-    /// What a frame may take while that is so, milliseconds.
+    /// Milliseconds that a frame may take meanwhile.
     pub target_ms: f64,
-    /// Another number starts the accumulation again.
+    /// A number that starts the accumulation again when it changes.
     pub restart: u64,
-    /// Which request this is, counted up; pictures carry it.
+    /// The number of this request. Requests are counted up, and pictures carry the number.
     pub number: u64,
 }
 
 impl Wanted {
-    /// Whether both ask for the same.
+    /// Whether both requests ask for the same.
     pub fn same(&self, other: &Self) -> bool {
         let marks = (self.mark_unknown, self.moving) == (other.mark_unknown, other.moving);
         let numbers = (self.exposure, self.target_ms) == (other.exposure, other.target_ms);
@@ -90,81 +90,83 @@ impl Wanted {
         self.same_view(other) && pictures && self.aov == other.aov && marks && numbers
     }
 
-    /// Whether the same is looked at from the same place.
+    /// Whether both requests look at the same from the same place.
     pub fn same_view(&self, other: &Self) -> bool {
         let still = Arc::ptr_eq(&self.scene, &other.scene) && self.time == other.time && self.size == other.size;
         still && self.restart == other.restart
     }
 }
 
-/// A finished picture and how it came about.
+/// A finished picture, and how it was made.
 #[derive(Clone, Debug)]
-pub struct Picture {
-    /// Ready to be copied to the window.
+pub struct RenderedPicture {
+    /// The image, ready to be copied to the window.
     pub image: Image,
-    /// Its size, pixels: less than `full` while things move.
+    /// Its size, pixels. It is less than `full` while things move.
     pub size: [u32; 2],
     /// The size that was asked for.
     pub full: [u32; 2],
-    /// Frames accumulated with this view.
+    /// Number of frames that were accumulated with this view.
     pub frames: u32,
-    /// What the frame took in all, milliseconds.
+    /// Wall time of the last frame, milliseconds.
     pub frame_ms: f64,
-    /// Time of each pass.
+    /// The time of each pass.
     pub timings: Arc<Timings>,
-    /// Whether that is by the clock, as the frame was submitted in pieces.
+    /// Whether these times are wall times, because the frame was submitted in pieces.
     pub by_clock: bool,
-    /// Seconds, of the scene.
+    /// Time of the scene, seconds.
     pub time: f64,
     /// Whether the relit panorama was left as it was.
     pub held_relight: bool,
-    /// Whether it is the real scene alone, until the first as asked for is there.
+    /// Whether it shows the real scene alone, while the first picture as asked for is being made.
     pub preview: bool,
-    /// Number of this picture, counted up.
+    /// The number of this picture. Pictures are counted up.
     pub serial: u64,
-    /// The request that it answers.
+    /// The number of the request that it answers.
     pub number: u64,
 }
 
-impl Picture {
+impl RenderedPicture {
     /// Whether it has the size that was asked for.
     pub fn is_full(&self) -> bool {
         self.size == self.full
     }
 }
 
-/// What the rendering thread has to show.
+/// What the rendering thread shows.
 #[derive(Clone, Default)]
-pub struct Shown {
+pub struct EngineOutput {
     /// A and B.
-    pub pictures: [Option<Picture>; 2],
+    pub pictures: [Option<RenderedPicture>; 2],
     /// Where A and B differ.
-    pub difference: Option<Picture>,
+    pub difference: Option<RenderedPicture>,
     /// Names of the images that can be shown.
     pub aovs: Vec<String>,
-    /// Each part of the model in A: its name, whether it is there, and why.
+    /// Each part of the model in A, with its name, whether it is there, and why.
     pub plan: Vec<(&'static str, bool, String)>,
-    /// The depth of the video frame shown, for what is dragged over real surfaces.
+    /// The depth of the shown video frame, for dragging objects over real surfaces.
     pub surface: Option<Arc<PanoramaFrame>>,
-    /// Pictures made.
+    /// Number of pictures made.
     pub rendered: u64,
-    /// Video frames that playing passed over.
+    /// Number of video frames that playing skipped.
     pub dropped: u64,
     /// Whether all that was asked for is shown as well as it will be.
     pub idle: bool,
 }
 
-/// What is done once.
+/// Something that is done once.
 #[derive(Clone, Debug)]
 pub enum Order {
-    /// Writes A's picture, linear or as displayed by the name, once it has been refined for this many frames.
+    /// Writes A's picture once it has been refined for this many frames. The file's extension tells whether
+    /// it is linear or as displayed.
     Screenshot { path: PathBuf, frames: u32 },
 }
 
 /// What the rendering thread has to say.
 #[derive(Debug)]
 pub enum Notice {
-    /// Done as ordered: the file, its size, and the frames that its picture was accumulated for.
+    /// An order was carried out. The notice has the file, its size, and the frames that its picture was
+    /// accumulated for.
     Written { path: PathBuf, size: [u32; 2], frames: u32 },
     /// Something failed and was left as it was.
     Failed(String),

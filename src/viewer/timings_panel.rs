@@ -1,13 +1,13 @@
-//! Time of each pass of A, now and over the frames before.
+//! The time of each pass of A, now and over the last frames.
 
-use super::session::{FrameTime, Session};
+use super::session::{FrameRecord, Session};
 use crate::gpu::Timings;
 use egui::{Color32, Rect, Ui, ecolor::Hsva};
 
-/// Frames that the graph shows.
+/// Number of frames that the graph shows.
 pub const FRAMES: usize = 120;
 
-/// A table with bars, and a column for each frame, stacked from its passes.
+/// Shows a table with bars, and a graph with a column for each frame, stacked from its passes.
 pub fn show(session: &Session, ui: &mut Ui) {
     let Some(picture) = &session.shown.pictures[0] else { return };
     let passes = sums(&picture.timings);
@@ -58,13 +58,13 @@ fn sums(timings: &Timings) -> Vec<(&str, f64)> {
     sums
 }
 
-/// One for each name; neighbours differ much.
+/// The colour of a name. Neighbours get colours that differ much.
 fn color(names: &[&str], name: &str) -> Color32 {
     let place = names.iter().position(|known| *known == name).unwrap_or(0);
     Hsva::new((0.58 + 0.382 * place as f32).fract(), 0.55, 0.85, 1.0).into()
 }
 
-fn graph(frames: &[FrameTime], names: &[&str], ui: &mut Ui) {
+fn graph(frames: &[FrameRecord], names: &[&str], ui: &mut Ui) {
     let (rect, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 64.0), egui::Sense::hover());
     let top = frames.iter().map(|frame| frame.wall_ms).fold(1.0, f64::max);
     let painter = ui.painter_at(rect);

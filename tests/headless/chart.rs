@@ -7,7 +7,7 @@ use iprt::{
     gpu::Gpu,
     image_file::read::read,
     measure::{
-        chart::{Case, Chart, ChartOptions, point::FILE, run, sweep::Sweep},
+        chart::{Chart, ChartInput, ChartOptions, point::FILE, run, sweep::Sweep},
         choice::store::Store,
     },
     options::RenderOptions,
@@ -34,7 +34,7 @@ const EXTENT: Vec3 = vec3(4.0, 3.0, 4.0);
 const COARSE: [(&str, i64); 2] = [("relight_width", 16), ("relight_warmup", 2)];
 
 /// A grey ball in a room whose walls shine, more from above: what methods render, and all of it as geometry.
-fn case() -> Case {
+fn case() -> ChartInput {
     let shines = |d: Vec3| Vec3::splat(if d.y > 0.6 { 2.0 } else { 0.4 });
     let eye = camera(Vec3::ZERO, vec3(0.0, -0.6, -1.5), 60.0);
     let grey = ball(0.4, lambert(0.5), vec3(0.0, -1.0, -1.5));
@@ -47,7 +47,7 @@ fn case() -> Case {
     for (setting, value) in COARSE {
         scene.render.set.insert(setting.to_owned(), toml::Value::Integer(value));
     }
-    Case { name: "test room".to_owned(), scene, complete: Some([complete(vec![grey]), complete(Vec::new())]) }
+    ChartInput { name: "test room".to_owned(), scene, complete: Some([complete(vec![grey]), complete(Vec::new())]) }
 }
 
 fn chart_options() -> ChartOptions {
@@ -177,7 +177,7 @@ fn check_choices(chart: &Chart) {
         assert!(["iprt", "rays_per_pixel = 1"].contains(&choice.point.as_str()), "{choice:?}");
         let point = chart.point("test room", &choice.point).expect("a point");
         assert_eq!((&choice.key, choice.larger_size), (&point.key, [96, 72]));
-        let flip = |region| point.flip(7, iprt::measure::chart::Truth::Scene, region).expect("measured");
+        let flip = |region| point.flip(7, iprt::measure::score::TruthKind::Scene, region).expect("measured");
         let worst = [flip("virtual"), flip("influenced")].map(|flip| flip.high).into_iter().fold(0.0, f64::max);
         assert!(choice.predicted.flip <= worst + 1e-9 && choice.predicted.flip > 0.0, "{choice:?}");
         assert!(choice.measured.flip > 0.0 && choice.measured.flip != choice.predicted.flip, "another seed");
@@ -195,7 +195,7 @@ fn check_choices(chart: &Chart) {
 }
 
 /// A chart of enough points leaves them where `--target-flip` looks for them.
-fn check_kept(gpu: &Gpu, case: &Case, options: &ChartOptions, chart: &Chart, cache: &Path) {
+fn check_kept(gpu: &Gpu, case: &ChartInput, options: &ChartOptions, chart: &Chart, cache: &Path) {
     let asked = |set: &[(&str, &str)]| {
         let coarse = COARSE.map(|(name, value)| (name, value.to_string()));
         let set: Vec<_> = coarse.iter().map(|(k, v)| (*k, v.as_str())).chain(set.iter().copied()).collect();
@@ -258,7 +258,7 @@ fn check_documents(chart: &Chart, out: &Path) {
         table.contains("](images/full-test_room.png)") && out.join("images/full-test_room.png").is_file(),
         "{table}"
     );
-    for (target, chosen) in chart.choices.iter().map(|choice| (choice.target.text(), &choice.point)) {
+    for (target, chosen) in chart.choices.iter().map(|choice| (choice.target_text(), &choice.point)) {
         assert!(table.contains(&format!("| {target} | {chosen} |")), "{target} → {chosen}: {table}");
         assert!(page.contains(&format!("<td>{target}</td><td>{chosen}</td>")), "{target} → {chosen}");
     }

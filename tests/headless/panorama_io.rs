@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use image::{ImageBuffer, Luma, Rgb};
 use iprt::{
-    image_file::{ExrLayer, Image, read, write},
+    image_file::{ExrLayer, FileImage, read, write},
     panorama::{depth::Quantisation, mapping, source::PanoramaFrame},
     scene::Scene,
 };
@@ -263,7 +263,7 @@ fn what_is_written_is_read_back() {
         ExrLayer { name: "depth".into(), size, channels: vec![("Z".into(), values.clone())] },
     ];
     write::write_exr(&path, &layers).expect("written");
-    let Image::Exr(read_layers) = read::read(&path).expect("read") else { panic!("an EXR") };
+    let FileImage::Exr(read_layers) = read::read(&path).expect("read") else { panic!("an EXR") };
     assert_eq!(read_layers.len(), 3);
     for layer in &layers {
         let found = read_layers.iter().find(|l| l.name == layer.name).expect("the layer");

@@ -295,3 +295,27 @@ fn settings_given_win_and_plans_compare() {
     assert!(plan([things(), vec![shining]].concat(), &[]) != base);
     assert!(plan(vec![ball(0.3, lambert(0.6), vec3(0.15, -0.2, -1.4))], &[]) == base);
 }
+
+#[test]
+fn a_plan_for_a_window_allows_for_all_that_a_user_can_move() {
+    let placed = |eye: Vec3, ball_at: Vec3| {
+        let things = vec![ball(0.3, lambert(0.6), ball_at)];
+        scene(lit_room(3.0), camera(eye, vec3(0.1, -0.2, -1.4), 40.0), things)
+    };
+    // The still camera at the capture point looks away from the one still object, which nothing comes near.
+    let (still, moved) = (placed(Vec3::ZERO, vec3(0.1, -0.9, 0.6)), placed(vec3(0.4, 0.1, 0.3), vec3(0.1, -0.2, -1.4)));
+    let with = |size, set: &[(&str, &str)]| RenderOptions { size, ..options(Method::Iprt, set) };
+    let options = with([256, 144], &[]);
+    let offline = Plan::of(&still, &options, None).expect("a plan");
+    let window = Plan::interactive(&still, &options, 16.0).expect("a plan");
+    for part in [Part::VirtualSurfaces, Part::OffCentre, Part::Motion, Part::Bounces] {
+        assert!(!offline.on(part), "{}", offline.reason(part));
+        assert!(window.on(part), "{}", window.reason(part));
+    }
+    assert!(window.looks_up(), "the camera may come back to the capture point");
+    assert!(Plan::interactive(&moved, &options, 16.0).expect("a plan") == window, "no other renderer after a move");
+    let needed = Plan::of(&still, &with([16, 9], &[]), None).expect("a plan").color_levels();
+    assert!(needed > offline.color_levels() && window.color_levels() >= needed, "smaller pictures are coarser");
+    let given = Plan::interactive(&still, &with([256, 144], &[("bounces", "1")]), 16.0).expect("a plan");
+    assert!(!given.on(Part::Bounces), "what a user sets wins");
+}

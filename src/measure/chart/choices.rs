@@ -1,21 +1,21 @@
-//! What `--target-ms` and `--target-flip` would choose from a chart's points, and whether it then is what they said.
+//! Chooses settings from a chart's points as `--target-ms` and `--target-flip` would, and measures whether
+//! the chosen settings keep what the points promise.
 
 use super::{
     draw::short,
-    measure::{Clock, WARM_UP},
+    options::{ChartInput, ChartOptions},
     pareto::front,
-    point::{Chart, ChartChoice, ChartPoint, ChartScene, Cost},
-    run::{Case, ChartOptions},
+    point::{Chart, ChartChoice, ChartPoint, ChartScene, CostUnit},
 };
 use crate::{
     Result,
     gpu::Gpu,
     measure::{
-        bench::quantile,
         choice::{
             Candidate, Expected, FRAMES, Sheet, TRADED, Target, choose, error, fixed_shares, quick,
             store::{Store, given},
         },
+        clock::{FrameClock, WARM_UP, median},
         score::{Scorer, Scores},
     },
     options::RenderOptions,
@@ -26,14 +26,14 @@ use crate::{
 };
 use std::{collections::BTreeMap, path::Path};
 
-/// Where targets lie between the best and the worst that can be had.
+/// Where the targets lie between the best and the worst value on the front.
 const BETWEEN: [f64; 3] = [0.1, 0.4, 0.8];
-/// Frames that are timed at the larger size.
+/// Number of frames that are timed at the larger size.
 const LARGER: u32 = 4;
-/// From fewer candidates there is little to choose.
+/// With fewer candidates than this there is little to choose from.
 const LEAST: usize = 6;
 
-/// A scene of a chart, to choose for.
+/// A scene of a chart for which settings are chosen.
 pub(super) struct Chooser<'a> {
     pub gpu: &'a Gpu,
     pub scene: &'a Scene,
@@ -45,7 +45,7 @@ pub(super) struct Chooser<'a> {
     pub keep: Keep<'a>,
 }
 
-/// Work of a scene's choices, were all of them different, in frames of the chart's size.
+/// The work of a scene's choices if all of them differ, in frames of the chart's size.
 pub(super) fn work(chart: &ChartOptions) -> u64 {
     2 * BETWEEN.len() as u64 * choice_work(chart)
 }
@@ -54,13 +54,14 @@ fn choice_work(chart: &ChartOptions) -> u64 {
     u64::from(frames(chart)) + 4 * u64::from(WARM_UP + LARGER)
 }
 
-/// Enough for the main picture and for times.
+/// Number of frames that is enough for the main picture and for times.
 fn frames(chart: &ChartOptions) -> u32 {
     chart.main_frames().max(WARM_UP + LARGER)
 }
 
 impl Chooser<'_> {
-    /// Chooses from the points of a chart, and measures what was not measured before; `save` is called after each.
+    /// Chooses from the points of a chart, and measures each choice that was not measured before. `save` is
+    /// called after each.
     pub fn run(&self, chart: &mut Chart, save: &dyn Fn(&Chart) -> Result<()>, tick: &mut dyn FnMut(u64)) -> Result<()> {
         let (sheet, points) = chart.sheet(self.of, &self.settings);
         let keys: Vec<[String; 2]> = points.iter().map(|point| [point.key.clone(), point.name.clone()]).collect();
@@ -90,7 +91,7 @@ impl Chooser<'_> {
             };
             choices.push(choice.clone());
             if before.is_none() {
-                // what earlier runs measured stays until all is done
+                // What earlier runs measured stays until all is done.
                 chart.choices.push(choice);
                 save(chart)?;
                 tick(choice_work(self.chart));
@@ -104,7 +105,8 @@ impl Chooser<'_> {
         Ok(())
     }
 
-    /// Error and time at the chart's size, of a seed that no point had, and the time at the larger.
+    /// Measures error and time at the chart's size with a seed that no point had, and the time at the larger
+    /// size.
     fn measure(&self, candidate: &Candidate, larger_size: [u32; 2]) -> Result<(Expected, f64)> {
         let method = Method::parse(&candidate.method, "the chart")?;
         let set: Vec<_> = candidate.set.iter().map(|(name, value)| (name.as_str(), value.as_str())).collect();
@@ -116,32 +118,21 @@ impl Chooser<'_> {
             seed: self.chart.seed.wrapping_add(self.chart.rounds),
             without_objects: false,
         };
-        let mut measured = Expected { ms: f64::NAN, flip: f64::NAN };
+        let (mut renderer, mut clock) = (Renderer::new(self.gpu, self.scene, options.clone())?, FrameClock::default());
         let main = self.chart.main_frames();
-        measured.ms = self.still(&options, frames(self.chart), &mut |frame, renderer| {
-            if frame == main {
-                measured.flip = self.error(&self.scorer.score(&renderer.picture()?)?);
-            }
-            Ok(())
-        })?;
+        self.still(&mut renderer, &mut clock, main)?;
+        let flip = self.error(&self.scorer.score(&renderer.picture()?)?);
+        self.still(&mut renderer, &mut clock, frames(self.chart) - main)?;
+        let measured = Expected { ms: clock.round(&renderer).median_ms(), flip };
+        drop(renderer);
         let larger = RenderOptions { size: larger_size, ..options };
-        Ok((measured, self.still(&larger, WARM_UP + LARGER, &mut |_, _| Ok(()))?))
+        let (mut renderer, mut clock) = (Renderer::new(self.gpu, self.scene, larger)?, FrameClock::default());
+        self.still(&mut renderer, &mut clock, WARM_UP + LARGER)?;
+        Ok((measured, clock.round(&renderer).median_ms()))
     }
 
-    fn still(
-        &self,
-        options: &RenderOptions,
-        frames: u32,
-        look: &mut dyn FnMut(u32, &Renderer) -> Result<()>,
-    ) -> Result<f64> {
-        let mut renderer = Renderer::new(self.gpu, self.scene, options.clone())?;
-        let mut clock = Clock::default();
-        for frame in 1..=frames {
-            self.keep.go_on(&self.of.name)?;
-            clock.frame(&mut renderer, self.scene, self.of.time)?;
-            look(frame, &renderer)?;
-        }
-        Ok(quantile(&mut clock.round(&renderer).frame_ms, 0.5))
+    fn still(&self, renderer: &mut Renderer, clock: &mut FrameClock, frames: u32) -> Result<()> {
+        clock.still(renderer, self.scene, self.of.time, frames, || self.keep.go_on(&self.of.name))
     }
 
     fn error(&self, scores: &Scores) -> f64 {
@@ -149,7 +140,7 @@ impl Chooser<'_> {
     }
 }
 
-/// Errors and times between the extremes of the points that no other beats; times at equal ratios.
+/// Targets between the extremes of the points on the front. The times lie at equal ratios.
 fn targets(points: &[Expected]) -> Vec<Target> {
     let best = front(&points.iter().map(|point| (point.ms, point.flip)).collect::<Vec<_>>());
     let (Some(fast), Some(good)) = (best.first().map(|i| points[*i]), best.last().map(|i| points[*i])) else {
@@ -163,8 +154,8 @@ fn targets(points: &[Expected]) -> Vec<Target> {
 }
 
 impl Chart {
-    /// The points of a scene that a choice may take, as a sheet, in this order. `settings` hold those that the scene gives, which a
-    /// choice does not change.
+    /// The points of a scene that a choice may take, and a sheet with a candidate for each, in the same
+    /// order. `settings` hold those that the scene gives. A choice does not change them.
     pub fn sheet<'a>(&'a self, scene: &'a ChartScene, settings: &Settings) -> (Sheet, Vec<&'a ChartPoint>) {
         let given: BTreeMap<&str, String> = given(settings).into_iter().collect();
         let truth = scene.best();
@@ -173,7 +164,7 @@ impl Chart {
             set.map(|(name, value)| (name.clone(), value.clone())).collect()
         };
         let eligible = |point: &&ChartPoint| {
-            point.cost == Cost::Frame
+            point.cost == CostUnit::Frame
                 && point.rendered == self.of.size
                 && own(point).keys().all(|name| TRADED.contains(&name.as_str()))
                 && given.iter().all(|(name, value)| point.settings.get(*name) == Some(value))
@@ -181,8 +172,8 @@ impl Chart {
         let points: Vec<&ChartPoint> = self.of_scene(&scene.name).filter(eligible).collect();
         let candidate = |point: &&ChartPoint| {
             let flip = |scores: &Scores| truth.of(scores).map(error);
-            let mut flips: Vec<f64> = point.rounds.iter().filter_map(|round| flip(round.scores.as_ref()?)).collect();
-            let flip = if flips.is_empty() { f64::NAN } else { quantile(&mut flips, 0.5) };
+            let flips: Vec<f64> = point.rounds.iter().filter_map(|round| flip(round.scores.as_ref()?)).collect();
+            let flip = if flips.is_empty() { f64::NAN } else { median(flips) };
             Candidate::new(point.method.clone(), own(point), &point.rounds, flip)
         };
         let sheet = Sheet {
@@ -196,7 +187,7 @@ impl Chart {
         (sheet, points)
     }
 
-    /// From the default method at its smallest internal resolution and at the chart's.
+    /// The fixed shares, from the default method at its smallest internal resolution and at the chart's size.
     fn fixed(&self, scene: &ChartScene) -> BTreeMap<String, f64> {
         let smaller = self.of_scene(&scene.name).filter(|point| point.group == "scale");
         let smaller = smaller.min_by_key(|point| point.rendered[0]);
@@ -216,35 +207,36 @@ impl Chart {
     }
 }
 
-/// Keeps what was measured of each scene for choosing settings later, if it is of the first frame and of enough points.
+/// Keeps the points of each scene, so that settings can be chosen from them later. They are kept if they show
+/// the first frame and are enough to choose from.
 ///
 /// # Errors
-/// A panorama that cannot be read.
+/// Fails if a panorama cannot be read.
 pub fn keep_sheets(
     gpu: &Gpu,
-    cases: &[Case],
+    inputs: &[ChartInput],
     options: &ChartOptions,
     chart: &Chart,
     folder: Option<&Path>,
 ) -> Result<()> {
-    for case in cases.iter().filter(|_| options.frame == 0) {
-        let Some(scene) = chart.scenes.iter().find(|scene| scene.name == case.name) else { continue };
-        let settings = case.settings()?;
+    for input in inputs.iter().filter(|_| options.frame == 0) {
+        let Some(scene) = chart.scenes.iter().find(|scene| scene.name == input.name) else { continue };
+        let settings = input.settings()?;
         let (sheet, _) = chart.sheet(scene, &settings);
         if sheet.complete {
             let view = options.render_options(settings, Method::Iprt);
-            Store::of(gpu, &case.scene, &view, scene.exposure, folder)?.put(sheet);
+            Store::of(gpu, &input.scene, &view, scene.exposure, folder)?.put(sheet);
         }
     }
     Ok(())
 }
 
-/// What the table of choices is.
+/// What the table of choices shows, for its readers.
 pub(super) const INTRODUCTION: &str = "What a target (`--target-flip`, `--target-ms`) makes of the points, and what the chosen settings then were: errors and times measured \
      anew, with other random numbers, and times at twice the width and height, predicted from this size. The error is FLIP over virtual or influenced pixels, \
      whichever is larger.";
 
-/// The heads of its columns; the first two are text.
+/// The heads of the table's columns. The first two columns are text.
 pub(super) fn head(chart: &Chart, scene: &ChartScene) -> [String; 8] {
     let at = |[width, height]: [u32; 2], what: &str| format!("{what}, {width}×{height}");
     let own = chart.of.size;
@@ -262,12 +254,19 @@ pub(super) fn head(chart: &Chart, scene: &ChartScene) -> [String; 8] {
 }
 
 impl ChartChoice {
-    /// What is in these columns.
+    /// The target for people.
+    pub fn target_text(&self) -> String {
+        let ms = self.target.ms.map(|ms| format!("at most {} ms", short(ms)));
+        let flip = self.target.flip.map(|flip| format!("FLIP at most {flip:.3}"));
+        [ms, flip].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    }
+
+    /// The cells of a choice in these columns.
     pub(super) fn cells(&self) -> [String; 8] {
         let [predicted, measured] = [self.predicted, self.measured];
         let [predicted_larger, measured_larger] = self.larger_ms.map(short);
         [
-            self.target.text(),
+            self.target_text(),
             self.point.clone(),
             format!("{:.3}", predicted.flip),
             format!("{:.3}", measured.flip),
@@ -276,15 +275,6 @@ impl ChartChoice {
             predicted_larger,
             measured_larger,
         ]
-    }
-}
-
-impl Target {
-    /// For people.
-    pub fn text(&self) -> String {
-        let ms = self.ms.map(|ms| format!("at most {} ms", short(ms)));
-        let flip = self.flip.map(|flip| format!("FLIP at most {flip:.3}"));
-        [ms, flip].into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -297,7 +287,7 @@ mod tests {
         let of = |list: &[(f64, f64)]| -> Vec<Expected> {
             list.iter().map(|(ms, flip)| Expected { ms: *ms, flip: *flip }).collect()
         };
-        // the second is beaten, the last was not measured
+        // The second point is worse than the first, and the last was not measured.
         let points = of(&[(10.0, 0.3), (2000.0, 0.9), (1000.0, 0.1), (40.0, f64::NAN)]);
         let found = targets(&points);
         assert_eq!(found.len(), 6);

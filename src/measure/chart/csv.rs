@@ -1,12 +1,12 @@
-//! A chart as comma-separated values: one line a picture and region.
+//! Writes a chart as comma-separated values, with one line for each picture and region.
 
 use super::point::{Chart, ChartPoint};
 use crate::measure::{metrics::Metrics, score::Score};
 use std::fmt::Write;
 
 impl Chart {
-    /// Scene, point, frames, truth and region, then time and all metrics. Truths' own noise, the model's floor and the view
-    /// without objects are points that cost nothing.
+    /// Each line has scene, point, frames, truth and region, then the time and all metrics. The truths' own
+    /// noise, the model's floor and the view without objects are points that cost nothing.
     pub fn csv(&self) -> String {
         let mut out = "scene,point,group,method,cost,frames,moving,ms_median,ms_low,ms_high,memory_bytes,truth,region,\
             flip,psnr,ssim,rmse,relmse,max_abs,mean_ratio,pixels,flicker\n"
@@ -22,7 +22,7 @@ impl Chart {
                 let last = point.outcomes.iter().filter(|outcome| !outcome.moving).map(|outcome| outcome.frames).max();
                 for outcome in &point.outcomes {
                     let head = head(point, outcome.frames, outcome.moving);
-                    // of its last frames
+                    // The flicker is that of the last still frames.
                     let steady = !outcome.moving && Some(outcome.frames) == last;
                     let flicker = |region: &str| point.flicker.get(region).copied().filter(|_| steady);
                     rows(&mut out, &head, Some(&outcome.scores.model), outcome.scores.scene.as_ref(), flicker);

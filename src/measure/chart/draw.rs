@@ -1,8 +1,8 @@
-//! What the drawings of a chart share: colours, logarithmic axes, text in markup.
+//! Colours, logarithmic axes and escaped text, which all drawings of a chart share.
 
 use crate::{measure::bench::PASSES, settings::Settings};
 
-/// Colours of passes, in frame order; a setting has that of its pass.
+/// Colours of passes, in frame order. A setting has the colour of its pass.
 const COLORS: [&str; PASSES.len()] = [
     "#8c8c8c", "#a6761d", "#666a1f", "#e6ab02", "#d95f02", "#7570b3", "#1b9e77", "#e7298a", "#66a61e", "#1f78b4",
     "#b2182b", "#525252",
@@ -13,7 +13,7 @@ pub fn pass_color(pass: &str) -> &'static str {
     PASSES.iter().position(|name| *name == pass).map_or("#222222", |index| COLORS[index])
 }
 
-/// The colour of a point by what it changes, see [`ChartPoint::group`](super::ChartPoint::group).
+/// The colour of a point, by its [`ChartPoint::group`](super::ChartPoint::group).
 pub fn group_color(group: &str) -> &'static str {
     match group {
         "method" => "#000000",
@@ -23,12 +23,12 @@ pub fn group_color(group: &str) -> &'static str {
     }
 }
 
-/// Text for SVG and HTML, also within quotes.
+/// Escapes text for SVG and HTML. The result may stand within quotes.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;").replace('\n', "&#10;")
 }
 
-/// Three digits that count.
+/// A number with three significant digits.
 pub fn short(value: f64) -> String {
     match value {
         v if v >= 100.0 => format!("{v:.0}"),
@@ -38,7 +38,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// A logarithmic axis from one place in a drawing to another.
+/// A logarithmic axis between two places in a drawing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
     values: [f64; 2],
@@ -46,7 +46,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Holds all positive values, with some room.
+    /// Makes an axis that holds all positive values, with some room.
     pub fn around(values: impl Iterator<Item = f64>, places: [f64; 2]) -> Self {
         let positive = values.filter(|value| value.is_finite() && *value > 0.0);
         let (low, high) = positive.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
@@ -54,14 +54,15 @@ impl Axis {
         Self { values, places }
     }
 
-    /// Where a value is; those outside are at the ends.
+    /// The place of a value. Values outside the axis are put at its ends.
     pub fn place(&self, value: f64) -> f64 {
         let [low, high] = self.values;
         let share = (value.max(1e-12) / low).ln() / (high / low).ln();
         self.places[0] + share.clamp(0.0, 1.0) * (self.places[1] - self.places[0])
     }
 
-    /// Round values on it: 1, 2 and 5 times powers of ten, or the powers alone where those are many.
+    /// Round values on the axis: 1, 2 and 5 times powers of ten. Where those are too many, they are the
+    /// powers alone.
     pub fn ticks(&self) -> Vec<f64> {
         let [low, high] = self.values;
         let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
@@ -74,7 +75,7 @@ impl Axis {
     }
 }
 
-/// A tick's label: no digit too many.
+/// The label of a tick, without needless digits.
 pub fn tick_label(value: f64) -> String {
     let digits = (-value.log10().floor()).max(0.0) as usize;
     format!("{value:.digits$}")

@@ -1,4 +1,5 @@
-//! The chart as one drawing, `chart.svg`, and as pixels, `chart.png`: a row a scene, a column a region.
+//! Draws the chart as one figure, `chart.svg` and `chart.png`. It has a row for each scene and a column for
+//! each region.
 
 use super::{
     draw::{escape, group_color, pass_color},
@@ -14,12 +15,12 @@ use crate::{
 use resvg::{tiny_skia, usvg};
 use std::{collections::BTreeSet, fmt::Write, path::Path};
 
-/// Pixels of the PNG for one of the SVG.
+/// Number of the PNG's pixels for one of the SVG's.
 const ZOOM: f32 = 1.5;
 const FONT: &str = "DejaVu Sans, Helvetica, Arial, sans-serif";
 
 impl Chart {
-    /// Still pictures after the main number of frames, against the best truth that there is.
+    /// Draws the still pictures after the main number of frames, against the best known truth.
     pub fn svg(&self) -> String {
         let width = scatter::SIZE[0] * REGIONS.len() as f64;
         let legend = self.legend(width);
@@ -50,7 +51,7 @@ impl Chart {
         out
     }
 
-    /// What colours and shapes mean, in a line.
+    /// One line that explains colours and shapes.
     pub fn legend(&self, width: f64) -> String {
         let colors: BTreeSet<(usize, &str, &str)> = self
             .points
@@ -80,7 +81,7 @@ impl Chart {
     /// Writes `chart.svg` and `chart.png`.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// Fails if a file cannot be written.
     pub fn write_figure(&self, folder: &Path) -> Result<()> {
         let svg = self.svg();
         write_bytes(&folder.join("chart.svg"), svg.as_bytes())?;
@@ -89,17 +90,18 @@ impl Chart {
     }
 }
 
-/// What is shown in it.
+/// The title of a panel.
 pub fn panel_title(scene: &ChartScene, panel: &Panel) -> String {
     let moving = if panel.moving { ", moving" } else { "" };
     let pixels = if panel.region == REGIONS[0] { "picture" } else { "pixels" };
     format!("{}: {} {pixels}{moving}, {}", scene.name, panel.region, panel.truth.name())
 }
 
-/// Draws an SVG as 8-bit RGB, so many pixels for one of its own. Its text takes fonts of the system.
+/// Draws an SVG as 8-bit RGB, with `zoom` pixels for each of the SVG's own. Its text is drawn with fonts of
+/// the system.
 ///
 /// # Errors
-/// An SVG that is none.
+/// Fails if the text is not a valid SVG.
 pub fn pixels(svg: &str, zoom: f32) -> Result<Codes> {
     let internal = |error: &dyn std::fmt::Display| Error::Internal(format!("drawing the chart: {error}"));
     let mut options = usvg::Options::default();
@@ -111,7 +113,7 @@ pub fn pixels(svg: &str, zoom: f32) -> Result<Codes> {
     let size = tree.size().to_int_size().scale_by(zoom).ok_or_else(|| internal(&"it has no size"))?;
     let mut pixmap = tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| internal(&"it is too large"))?;
     resvg::render(&tree, tiny_skia::Transform::from_scale(zoom, zoom), &mut pixmap.as_mut());
-    // over a white rectangle: nothing is transparent
+    // The figure has a white background, so no pixel is transparent.
     let codes = pixmap.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
     Ok(([size.width(), size.height()], codes))
 }

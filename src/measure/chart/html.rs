@@ -1,18 +1,21 @@
-//! The chart as one page that needs nothing but itself.
+//! Writes the chart as one page that needs no other file.
 
 use super::{
     choices,
     draw::{escape, group_color, pass_color, short},
     figure::panel_title,
-    point::{Chart, ChartPoint, ChartScene, Cost, Truth},
-    run::file_name,
+    pictures::file_name,
+    point::{Chart, ChartPoint, ChartScene, CostUnit},
     scatter::{self, Panel},
     sentences::NOTE,
 };
 use crate::{
     Result,
     image_file::{read::read_bytes, write::write_bytes},
-    measure::{bench::PASSES, score::REGIONS},
+    measure::{
+        bench::PASSES,
+        score::{REGIONS, Scores, TruthKind},
+    },
 };
 use std::{fmt::Write, path::Path};
 
@@ -21,10 +24,10 @@ const SCRIPT: &str = include_str!("page.js");
 const INTRODUCTION: &str = include_str!("page.html");
 
 impl Chart {
-    /// Writes `chart.html` with the pictures of the chart's folder in it.
+    /// Writes `chart.html`, with the pictures from the chart's folder in it.
     ///
     /// # Errors
-    /// Pictures that cannot be read, a page that cannot be written.
+    /// Fails if a picture cannot be read, or if the page cannot be written.
     pub fn write_page(&self, folder: &Path) -> Result<()> {
         write_bytes(&folder.join("chart.html"), self.page(folder)?.as_bytes())
     }
@@ -76,7 +79,7 @@ impl Chart {
             }
         }
         out.push_str("</div><h3>Charts</h3>");
-        for (truth, moving) in [(Truth::Scene, false), (Truth::Model, false), (scene.best(), true)] {
+        for (truth, moving) in [(TruthKind::Scene, false), (TruthKind::Model, false), (scene.best(), true)] {
             self.panels(out, scene, truth, moving, &id);
         }
         out.push_str("<h3>What each setting buys and what it costs</h3>");
@@ -102,7 +105,7 @@ impl Chart {
         self.points_table(out, scene, folder, &id)
     }
 
-    fn panels(&self, out: &mut String, scene: &ChartScene, truth: Truth, moving: bool, id: &str) {
+    fn panels(&self, out: &mut String, scene: &ChartScene, truth: TruthKind, moving: bool, id: &str) {
         let panels = REGIONS.map(|region| Panel { chart: self, scene, truth, region, moving });
         if panels.iter().all(|panel| panel.dots().is_empty()) {
             return;
@@ -137,9 +140,10 @@ impl Chart {
     }
 
     fn points_table(&self, out: &mut String, scene: &ChartScene, folder: &Path, id: &str) -> Result<()> {
-        let truths: Vec<Truth> = Truth::ALL.into_iter().filter(|truth| truth.of(&scene.nothing).is_some()).collect();
+        let truths: Vec<TruthKind> =
+            TruthKind::ALL.into_iter().filter(|truth| truth.of(&scene.nothing).is_some()).collect();
         let most =
-            self.of_scene(&scene.name).filter(|p| p.cost == Cost::Frame).map(|p| p.ms.median).fold(1e-9, f64::max);
+            self.of_scene(&scene.name).filter(|p| p.cost == CostUnit::Frame).map(|p| p.ms.median).fold(1e-9, f64::max);
         out.push_str("<table class=\"points\"><tr><th>point</th><th>time</th><th>after</th>");
         for truth in &truths {
             for region in REGIONS {
@@ -188,9 +192,9 @@ impl Chart {
     }
 }
 
-/// What the truths of a scene are, and how good.
+/// Describes a scene and its truths.
 fn about(scene: &ChartScene) -> String {
-    let flips = |truth: Truth, scores: &crate::measure::score::Scores| -> String {
+    let flips = |truth: TruthKind, scores: &Scores| -> String {
         let of = |region: &&str| Some(format!("{region} {:.3}", truth.of(scores)?.region(region)?.flip));
         REGIONS.iter().filter_map(of).collect::<Vec<_>>().join(", ")
     };
@@ -204,7 +208,7 @@ fn about(scene: &ChartScene) -> String {
         share(REGIONS[1]),
         share(REGIONS[2]),
         scene.model_spp,
-        flips(Truth::Model, &scene.noise)
+        flips(TruthKind::Model, &scene.noise)
     );
     if scene.floor.is_some() {
         let _ = write!(
@@ -212,7 +216,7 @@ fn about(scene: &ChartScene) -> String {
             " Scene truth: {} samples a pixel, of whose light {:.2} % was in outliers and is left out; its two halves differ by FLIP {}.",
             scene.scene_spp,
             100.0 * scene.outliers[1],
-            flips(Truth::Scene, &scene.noise)
+            flips(TruthKind::Scene, &scene.noise)
         );
     } else {
         out += " The true scene is not known.";
@@ -235,8 +239,8 @@ fn differs(point: &ChartPoint) -> String {
 
 fn times(point: &ChartPoint) -> String {
     let unit = match point.cost {
-        Cost::Frame => "ms a frame",
-        Cost::Picture => "ms the picture",
+        CostUnit::Frame => "ms a frame",
+        CostUnit::Picture => "ms the picture",
     };
     let [median, low, high] = [point.ms.median, point.ms.low, point.ms.high].map(short);
     let flicker =
@@ -247,12 +251,13 @@ fn times(point: &ChartPoint) -> String {
     )
 }
 
-/// Passes stacked, as long as their time; those of a whole picture fill the width.
+/// A bar of the stacked passes. Its length is the time of a frame. The bar of a point that costs a whole
+/// picture fills the width.
 fn bar(point: &ChartPoint, most: f64) -> String {
     const WIDTH: f64 = 220.0;
     let passes = point.passes();
     let total: f64 = passes.iter().map(|(_, ms)| ms.median).sum();
-    let scale = WIDTH / if point.cost == Cost::Frame { most } else { total.max(1e-9) };
+    let scale = WIDTH / if point.cost == CostUnit::Frame { most } else { total.max(1e-9) };
     let mut out = format!("<svg width=\"{WIDTH}\" height=\"14\" class=\"bar\">");
     let mut x = 0.0;
     for (pass, ms) in passes {

@@ -1,12 +1,11 @@
-//! A chart as Markdown tables, put between two marks of a document.
+//! Writes a chart as Markdown tables between two marks of a document.
 
 use super::{
     choices,
     draw::short,
     figure,
-    pictures::{Codes, strip},
-    point::{Chart, ChartPoint, ChartScene, Cost, Outcome, Truth},
-    run::file_name,
+    pictures::{Codes, file_name, strip},
+    point::{Chart, ChartPoint, ChartScene, CostUnit, ScoredPicture},
     sentences::NOTE,
 };
 use crate::{
@@ -15,19 +14,19 @@ use crate::{
         read::read_bytes,
         write::{write_bytes, write_png},
     },
-    measure::score::{REGIONS, Score},
+    measure::score::{REGIONS, Score, TruthKind},
 };
 use std::{fmt::Write, path::Path};
 
-/// Beside a document, where its pictures are.
+/// The folder beside the document that holds its pictures.
 const IMAGES: &str = "images";
 
 impl Chart {
-    /// Puts the tables into a document, between its marks for `name` (see [`find`]), with pictures in `images/` beside it:
-    /// the methods', or the whole chart where settings were changed.
+    /// Puts the tables into a document, between its marks for `name` (see [`find`]). Pictures go to `images/`
+    /// beside the document: a strip of the methods, and the whole chart if settings were changed.
     ///
     /// # Errors
-    /// As [`find`]; what cannot be read or written.
+    /// Fails like [`find`], or if a file cannot be read or written.
     pub fn write_markdown(&self, folder: &Path, document: &Path, name: &str) -> Result<()> {
         find(document, name)?;
         let images = document.parent().unwrap_or(Path::new("")).join(IMAGES);
@@ -55,11 +54,12 @@ impl Chart {
         insert(document, name, &text)
     }
 
-    /// Truth and methods after the main number of frames; below each its difference from the truth.
+    /// Puts the truth and the methods' pictures after the main number of frames in a row, and below each its
+    /// difference from the truth.
     fn methods_strip(&self, folder: &Path, scene: &ChartScene) -> Result<Option<(String, Codes)>> {
         let truth = match scene.best() {
-            Truth::Scene => ["scene", "floor"],
-            Truth::Model => ["model", "regions"],
+            TruthKind::Scene => ["scene", "floor"],
+            TruthKind::Model => ["model", "regions"],
         };
         let [Some(top), Some(below)] = truth.map(|what| scene.pictures.get(what)) else { return Ok(None) };
         let (mut pictures, mut differences, mut names) = (vec![top.as_str()], vec![below.as_str()], Vec::new());
@@ -70,8 +70,8 @@ impl Chart {
             names.push(format!("`{}`", point.name));
         }
         let first = match scene.best() {
-            Truth::Scene => "what `reference --model panorama` differs in",
-            Truth::Model => "the regions: virtual white, influenced grey",
+            TruthKind::Scene => "what `reference --model panorama` differs in",
+            TruthKind::Model => "the regions: virtual white, influenced grey",
         };
         let title = format!(
             "{}: {}, then {} after {} frames; below, {first}, and each one's FLIP against {} (white: 0.5 or more)",
@@ -84,10 +84,10 @@ impl Chart {
         Ok(Some((title, strip(folder, &[pictures, differences])?)))
     }
 
-    /// A table for each scene, and below it what `below` adds. Errors are FLIP.
+    /// Writes a table for each scene, followed by what `below` returns. Errors are FLIP.
     ///
     /// # Errors
-    /// Those of `below`.
+    /// Fails if `below` fails.
     pub fn markdown(&self, mut below: impl FnMut(&ChartScene) -> Result<String>) -> Result<String> {
         let of = &self.of;
         let mut out = format!(
@@ -148,8 +148,8 @@ impl Chart {
         };
         row("nothing inserted", "", "", Some(&scene.nothing.model), scene.nothing.scene.as_ref());
         for point in self.of_scene(&scene.name) {
-            // of a changed setting the main picture alone
-            let told = |outcome: &&Outcome| {
+            // Only the main picture of a changed setting is listed.
+            let told = |outcome: &&ScoredPicture| {
                 point.base.is_empty() || (!outcome.moving && outcome.frames == self.of.main_frames)
             };
             for outcome in point.outcomes.iter().filter(told) {
@@ -169,9 +169,9 @@ impl Chart {
     }
 }
 
-/// Milliseconds a frame, and the spread of the repetitions.
-fn time(point: &ChartPoint, outcome: &Outcome) -> String {
-    let frames = if point.cost == Cost::Picture { f64::from(outcome.frames) } else { 1.0 };
+/// Milliseconds a frame, and the spread over the repetitions.
+fn time(point: &ChartPoint, outcome: &ScoredPicture) -> String {
+    let frames = if point.cost == CostUnit::Picture { f64::from(outcome.frames) } else { 1.0 };
     let [low, median, high] = [point.ms.low, point.ms.median, point.ms.high].map(|ms| short(ms / frames));
     format!("{median} ({low}–{high})")
 }
@@ -187,17 +187,17 @@ fn cells(score: Option<&Score>) -> String {
 /// Puts text into a document, between `<!-- chart NAME: … -->` and `<!-- end of chart NAME -->`.
 ///
 /// # Errors
-/// As [`find`]; a document that cannot be written.
+/// Fails like [`find`], or if the document cannot be written.
 pub fn insert(document: &Path, name: &str, text: &str) -> Result<()> {
     let (old, [start, end]) = find(document, name)?;
     let new = format!("{}\n\n{}\n\n{}", &old[..start], text.trim(), &old[end..]);
     if new == old { Ok(()) } else { write_bytes(document, new.as_bytes()) }
 }
 
-/// A document, and where the text between its marks starts and ends.
+/// Reads a document, and finds where the text between its marks starts and ends.
 ///
 /// # Errors
-/// A document that cannot be read, or that has no such marks.
+/// Fails if the document cannot be read, or if it has no such marks.
 pub fn find(document: &Path, name: &str) -> Result<(String, [usize; 2])> {
     let subject = document.display();
     let text = String::from_utf8(read_bytes(document)?)

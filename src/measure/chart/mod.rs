@@ -1,7 +1,8 @@
-//! `chart`: speed against accuracy. Each method and each setting is a *point*: what a frame costs, and how far its picture is
-//! from both truths after so many frames.
+//! `chart` charts speed against accuracy. Each method and each changed setting is a *point*. For each point
+//! it measures what a frame costs, and how far the picture is from both truths after a number of frames.
 //!
-//! [`sweep`] says which points there are, [`mod@run`] measures them; [`csv`], [`figure`], [`html`] and [`markdown`] show them.
+//! [`sweep`] lists the points, and [`mod@run`] measures them. [`csv`], [`figure`], [`html`] and [`markdown`]
+//! show them.
 
 mod choices;
 pub mod csv;
@@ -9,16 +10,19 @@ pub mod draw;
 pub mod figure;
 pub mod html;
 pub mod markdown;
-pub(in crate::measure) mod measure;
+pub mod options;
 pub mod pareto;
 pub mod pictures;
 pub mod point;
+mod prepare;
+mod rounds;
 pub mod run;
 pub mod scatter;
 pub mod sentences;
 pub mod sweep;
 
 pub use choices::keep_sheets;
-pub use point::{Chart, ChartChoice, ChartPoint, ChartScene, Cost, Outcome, Round, Spread, Truth};
-pub use run::{Case, ChartOptions, run};
-pub use sweep::{Spec, Sweep};
+pub use options::{ChartInput, ChartOptions};
+pub use point::{Chart, ChartChoice, ChartPoint, ChartScene, CostUnit, ScoredPicture};
+pub use run::run;
+pub use sweep::{PointSpec, Sweep};

@@ -1,7 +1,7 @@
-//! The points that no other beats.
+//! The Pareto front of points.
 
-/// Indices of those of which no other is both cheaper and better (or one of that and equal in the other), cheapest first. The
-/// pairs are cost and error.
+/// Indices of the points on the front, the cheapest first. A point is on it if no other point is both cheaper
+/// and better, or equal in one and better in the other. Each point is a pair of cost and error.
 pub fn front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> =
         (0..points.len()).filter(|i| points[*i].0.is_finite() && points[*i].1.is_finite()).collect();

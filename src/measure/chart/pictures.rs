@@ -1,4 +1,4 @@
-//! The pictures of a chart: what is seen, and where it differs from the truth.
+//! The picture files of a chart: what a method shows, and where it differs from the truth.
 
 use crate::{
     Error, Result,
@@ -12,13 +12,17 @@ use crate::{
 use glam::Vec3;
 use std::path::Path;
 
+/// The folder of a chart's pictures, inside the chart's own folder.
+pub const PICTURES: &str = "pictures";
+
 /// The FLIP error that is shown white.
 pub const WHITE_FLIP: f32 = 0.5;
 
-/// Writes a picture as it is displayed; saturated texels of the panorama that were raised on loading come down again.
+/// Writes a picture as it is displayed. Saturated texels of the panorama, which were raised when it was
+/// loaded, are lowered again.
 ///
 /// # Errors
-/// It cannot be written.
+/// Fails if the file cannot be written.
 pub fn write_picture(
     path: &Path,
     panorama: &PanoramaSource,
@@ -36,10 +40,11 @@ pub fn write_picture(
     write_display(path, size, &shown, exposure)
 }
 
-/// Writes the FLIP error of each pixel: black is none, then red, then yellow; white is [`WHITE_FLIP`] or more.
+/// Writes the FLIP error of each pixel. No error is black, then follow red and yellow, and [`WHITE_FLIP`] or
+/// more is white.
 ///
 /// # Errors
-/// As [`flip_map`]; it cannot be written.
+/// Fails like [`flip_map`], or if the file cannot be written.
 pub fn write_difference(path: &Path, test: Picture, truth: Picture, exposure: f32) -> Result<()> {
     let codes: Vec<u8> = flip_map(test, truth, exposure)?.iter().flat_map(|error| heat(*error)).collect();
     write_png(path, test.size, &codes, 3)
@@ -76,16 +81,16 @@ pub fn stretch(texels: &[[f32; 4]], from: [u32; 2], to: [u32; 2]) -> Vec<[f32; 4
     out
 }
 
-/// Widest strip of pictures, pixels: larger ones are halved until they fit.
+/// Greatest width of a strip of pictures, pixels. A wider strip is halved until it fits.
 const WIDEST: u32 = 800;
 
 /// Width, height and 8-bit RGB, row 0 on top.
 pub type Codes = ([u32; 2], Vec<u8>);
 
-/// Files of a chart's folder put together in rows, equally long, as 8-bit RGB.
+/// Puts files of a chart's folder together in rows of equal length, as 8-bit RGB.
 ///
 /// # Errors
-/// A file that cannot be read, or that has another size than the first.
+/// Fails if a file cannot be read, or if it has another size than the first.
 pub fn strip(folder: &Path, rows: &[Vec<&str>]) -> Result<Codes> {
     let mut images = Vec::new();
     for file in rows.iter().flatten() {
@@ -115,6 +120,16 @@ pub fn strip(folder: &Path, rows: &[Vec<&str>]) -> Result<Codes> {
     }
     let codes = texels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(display_code)).collect();
     Ok((size, codes))
+}
+
+/// Turns a name into one that every file system accepts.
+pub fn file_name(name: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
+    let mut out: String = name.chars().map(plain).collect();
+    while out.contains("__") {
+        out = out.replace("__", "_");
+    }
+    out
 }
 
 #[cfg(test)]

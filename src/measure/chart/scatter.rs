@@ -1,15 +1,16 @@
-//! One panel: cost against error of all points of a scene, over one region and against one truth.
+//! Draws a panel: cost against error of all points of a scene, over one region and against one truth.
 
 use super::{
     draw::{Axis, escape, group_color, short, tick_label},
     pareto::front,
-    point::{Chart, ChartPoint, ChartScene, Spread, Truth},
+    point::{Chart, ChartPoint, ChartScene},
 };
+use crate::measure::{clock::Spread, score::TruthKind};
 use std::fmt::Write;
 
 /// Width and height of a panel, pixels.
 pub const SIZE: [f64; 2] = [400.0, 320.0];
-/// Left, top, right, bottom.
+/// The margins on the left, top, right and bottom, pixels.
 const MARGIN: [f64; 4] = [52.0, 26.0, 12.0, 40.0];
 
 /// What a panel shows.
@@ -17,33 +18,33 @@ const MARGIN: [f64; 4] = [52.0, 26.0, 12.0, 40.0];
 pub struct Panel<'a> {
     pub chart: &'a Chart,
     pub scene: &'a ChartScene,
-    pub truth: Truth,
+    pub truth: TruthKind,
     pub region: &'a str,
-    /// The moving scene instead of the still one.
+    /// Whether the panel shows the moving scene instead of the still one.
     pub moving: bool,
 }
 
 /// A point in a panel.
 #[derive(Clone, Debug)]
 pub struct Dot<'a> {
-    /// The measured point, and its index among those of the scene.
+    /// The measured point, and its index among the points of the scene.
     pub point: &'a ChartPoint,
     pub index: usize,
     /// GPU milliseconds.
     pub cost: Spread,
-    /// FLIP.
+    /// FLIP error.
     pub error: Spread,
 }
 
 impl<'a> Panel<'a> {
-    /// All points that have a cost and an error here.
+    /// The points of this panel that have a cost and an error.
     pub fn dots(&self) -> Vec<Dot<'a>> {
         let chart = self.chart;
         let points = chart.points.iter().filter(|point| point.scene == self.scene.name).enumerate();
         let dot = |(index, point): (usize, &'a ChartPoint)| {
             let error = if self.moving {
                 let flip = self.truth.of(&point.moving()?.scores)?.region(self.region)?.flip;
-                Spread { median: flip, low: flip, high: flip }
+                Spread::once(flip)
             } else {
                 point.flip(chart.of.main_frames, self.truth, self.region)?
             };
@@ -52,28 +53,28 @@ impl<'a> Panel<'a> {
         points.filter_map(dot).collect()
     }
 
-    /// The dots that no other beats, cheapest first.
+    /// Indices of the dots on the front, the cheapest first.
     pub fn front(&self, dots: &[Dot]) -> Vec<usize> {
         let price = |dot: &Dot| if dot.point.group == "limit" { f64::INFINITY } else { dot.cost.median };
         front(&dots.iter().map(|dot| (price(dot), dot.error.median)).collect::<Vec<_>>())
     }
 
-    /// The truth's own noise here.
+    /// The noise of the panel's truth.
     pub fn noise(&self) -> Option<f64> {
         Some(self.truth.of(&self.scene.noise)?.region(self.region)?.flip)
     }
 
-    /// The panel as an SVG group at a place; `id` begins the links of its points.
+    /// Draws the panel as an SVG group at a place. `id` begins the links of its points.
     pub fn svg(&self, [x, y]: [f64; 2], title: &str, id: &str) -> String {
         let dots = self.dots();
         let noise = self.noise();
         let floor = match self.truth {
-            Truth::Scene => self.scene.floor.as_ref().and_then(|floor| Some(floor.region(self.region)?.flip)),
-            Truth::Model => None,
+            TruthKind::Scene => self.scene.floor.as_ref().and_then(|floor| Some(floor.region(self.region)?.flip)),
+            TruthKind::Model => None,
         };
         let right = SIZE[0] - MARGIN[2];
         let bottom = SIZE[1] - MARGIN[3];
-        // a limit has no price that matters: it stands at the right edge
+        // The price of a limit does not matter, so it is put at the right edge.
         let priced = dots.iter().filter(|dot| dot.point.group != "limit");
         let across = Axis::around(priced.flat_map(|d| [d.cost.low, d.cost.high]), [MARGIN[0], right]);
         let errors = dots.iter().flat_map(|d| [d.error.low, d.error.high]).chain(noise).chain(floor);
@@ -116,7 +117,7 @@ impl<'a> Panel<'a> {
     }
 }
 
-/// Axes, grid and their labels.
+/// Draws the axes, the grid and their labels.
 fn frame(out: &mut String, across: &Axis, up: &Axis, right: f64, bottom: f64) {
     let [left, top] = [MARGIN[0], MARGIN[1]];
     for tick in across.ticks() {
@@ -152,7 +153,7 @@ fn frame(out: &mut String, across: &Axis, up: &Axis, right: f64, bottom: f64) {
     );
 }
 
-/// The front: from each point no error less until the next one's cost is paid.
+/// Draws the front. The error stays at a point's value until the next point's cost is paid.
 fn steps(out: &mut String, places: &[(f64, f64)]) {
     let Some(((x, y), rest)) = places.split_first() else { return };
     let mut path = format!("M{x:.1} {y:.1}");
@@ -192,7 +193,7 @@ fn mark(out: &mut String, dot: &Dot, across: &Axis, up: &Axis, id: &str) {
 }
 
 impl Dot<'_> {
-    /// What is told about it on hover: name, times, errors, settings.
+    /// The text that is shown on hover: name, times, errors and settings.
     pub fn tip(&self) -> String {
         let p = self.point;
         let mut tip = format!(
@@ -218,10 +219,10 @@ impl Dot<'_> {
     }
 }
 
-/// Names of methods, of `reference` and of what is on the front, as far as there is room.
+/// Labels the methods, `reference` and the points on the front, as far as there is room.
 fn labels(out: &mut String, dots: &[Dot], best: &[usize], across: &Axis, up: &Axis) {
     let center = |dot: &Dot| [across.place(dot.cost.median), up.place(dot.error.median)];
-    // left, top, right, bottom of what is taken
+    // The left, top, right and bottom of each area that is taken.
     let mut taken: Vec<[f64; 4]> = dots.iter().map(center).map(|[x, y]| [x - 5.0, y - 5.0, x + 5.0, y + 5.0]).collect();
     let mut order: Vec<usize> = (0..dots.len()).filter(|i| dots[*i].point.group == "method").collect();
     order.extend(best.iter().filter(|i| dots[**i].point.group != "method"));
@@ -253,7 +254,7 @@ fn labels(out: &mut String, dots: &[Dot], best: &[usize], across: &Axis, up: &Ax
                     .filter(|t| **t != own)
                     .all(|t| area[0] > t[2] || area[2] < t[0] || area[1] > t[3] || area[3] < t[1])
         };
-        // a method's name is worth an overlap
+        // The name of a method is always shown, even if it overlaps something.
         let place = places.iter().find(free).or((dot.point.group == "method").then_some(&places[0]));
         if let Some((dx, dy)) = place {
             taken.push([x + dx, y + dy - 8.0, x + dx + width, y + dy + 2.0]);

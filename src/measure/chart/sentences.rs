@@ -1,30 +1,30 @@
-//! What each setting buys and costs, in words, from the measured points alone.
+//! Says in words what each setting buys and costs. The words follow from the measured points alone.
 
 use super::{
     draw::short,
-    point::{Chart, ChartPoint, ChartScene, Spread},
+    point::{Chart, ChartPoint, ChartScene},
 };
-use crate::measure::score::REGIONS;
+use crate::measure::{clock::Spread, score::REGIONS};
 use std::fmt::Write;
 
-/// A change of FLIP below this is none: it is what two drivers may differ by.
+/// A smaller change of FLIP does not count. Two drivers may differ by as much.
 const LEAST_FLIP: f64 = 0.002;
 
 /// What readers of the sentences must know.
 pub const NOTE: &str = "Errors of a still picture come with the range of their seeds; those while objects move are of one sequence a setting, \
     and how much they would differ with another seed is not known.";
 
-/// A setting and what was found about its values.
+/// What was found about the values of a setting.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// The setting, or `scale`.
+    /// The setting's name, or `scale`.
     pub setting: String,
-    /// A sentence a value.
+    /// One sentence for each value.
     pub sentences: Vec<String>,
 }
 
 impl Chart {
-    /// What each setting that was changed buys and costs in a scene, in the order of the points.
+    /// What each changed setting buys and costs in a scene, in the order of the points.
     pub fn findings(&self, scene: &ChartScene) -> Vec<Finding> {
         let mut findings: Vec<Finding> = Vec::new();
         for point in self.of_scene(&scene.name).filter(|point| !point.base.is_empty()) {
@@ -46,10 +46,10 @@ impl Chart {
             if let Some((a, b)) = flip(base).zip(flip(point)) {
                 tell(a, b, &format!("{region} pixels"), &mut better, &mut worse);
             }
-            // of one sequence; see NOTE
+            // It comes from one sequence, as `NOTE` says.
             let moving = |p: &ChartPoint| {
                 let flip = truth.of(&p.moving()?.scores)?.region(region)?.flip;
-                Some(Spread { median: flip, low: flip, high: flip })
+                Some(Spread::once(flip))
             };
             if let Some((a, b)) = moving(base).zip(moving(point)) {
                 tell(a, b, &format!("{region} pixels while objects move, once"), &mut better, &mut worse);
@@ -71,21 +71,21 @@ impl Chart {
     }
 }
 
-/// Adds what changed to one of the lists, if it changed: the seeds' ranges do not meet, and by enough to be seen.
+/// Adds a change to one of the lists. It counts if the seeds' ranges do not meet and if it is large enough to
+/// be seen.
 fn tell(before: Spread, after: Spread, what: &str, better: &mut Vec<String>, worse: &mut Vec<String>) {
     let change = after.median - before.median;
-    let apart = after.low > before.high || after.high < before.low;
-    if !apart || change.abs() < LEAST_FLIP {
+    if !after.is_apart_from(&before) || change.abs() < LEAST_FLIP {
         return;
     }
     let text = format!("{:.3} on {what} ({:.3} to {:.3})", change.abs(), before.median, after.median);
     if change < 0.0 { better.push(text) } else { worse.push(text) }
 }
 
-/// Time and error in one sentence.
+/// One sentence about time and error.
 fn verdict(before: Spread, after: Spread, better: &[String], worse: &[String]) -> String {
     let share = 100.0 * (after.median / before.median.max(1e-9) - 1.0);
-    let apart = after.low > before.high || after.high < before.low;
+    let apart = after.is_apart_from(&before);
     let times = format!("{} to {} ms", short(before.median), short(after.median));
     let (mut buys, mut costs) = (Vec::new(), Vec::new());
     if apart && share <= -1.0 {

@@ -1,54 +1,56 @@
-//! Which points a chart has: methods, `reference` with more and more paths, and settings changed one at a time.
+//! Lists the points of a chart: methods, `reference` with more and more paths, and settings that are changed
+//! one at a time.
 
-use super::point::Cost;
+use super::point::CostUnit;
 use crate::{
     Error, Result,
     settings::{Method, Settings},
 };
 
-/// A point to be measured.
+/// A point to measure.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spec {
-    /// What people call it.
+pub struct PointSpec {
+    /// The name for people.
     pub name: String,
-    /// The setting that is changed, or `method`, `reference`, `limit`.
+    /// The changed setting, or `method`, `reference` or `limit`.
     pub group: &'static str,
-    /// The point it differs from in that setting alone.
+    /// The name of the point that differs from this one in that setting alone. It is empty for methods.
     pub base: String,
-    /// Preset.
+    /// The preset.
     pub method: Method,
-    /// Whether the preset is converged: every pixel traced, nothing filtered, nothing forgotten.
+    /// Whether the preset is converged. Then every pixel is traced, nothing is filtered, and the history
+    /// forgets nothing.
     pub converged: bool,
     /// Settings over the preset.
     pub set: Vec<(&'static str, &'static str)>,
-    /// Width and height that are rendered, as shares of the picture's.
+    /// Width and height that are rendered, as a share of the picture's.
     pub scale: f32,
-    /// What its time is of.
-    pub cost: Cost,
-    /// Frames after which the picture is looked at; none: the chart's own.
+    /// What its time measures.
+    pub cost: CostUnit,
+    /// Number of frames after which its picture is scored. `None` stands for the chart's own numbers.
     pub frames: Option<u32>,
 }
 
-/// How many points.
+/// How many points a chart has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sweep {
     /// The methods and their limits.
     Methods,
-    /// And the settings that matter most, few values of each.
+    /// The methods, and a few values of the settings that matter most.
     Small,
-    /// And every setting.
+    /// The methods, and values of every setting.
     Full,
 }
 
 impl Sweep {
-    /// All, the smallest first.
+    /// All sweeps and their names, the smallest first.
     pub const ALL: [(&'static str, Self); 3] =
         [("methods", Self::Methods), ("small", Self::Small), ("full", Self::Full)];
 
-    /// From its name on the command line.
+    /// Finds a sweep by its name on the command line.
     ///
     /// # Errors
-    /// Another name.
+    /// Fails if there is no sweep of this name.
     pub fn parse(name: &str, subject: &str) -> Result<Self> {
         Self::ALL.iter().find(|(known, _)| *known == name).map(|(_, sweep)| *sweep).ok_or_else(|| {
             let names: Vec<_> = Self::ALL.iter().map(|(name, _)| *name).collect();
@@ -61,15 +63,15 @@ impl Sweep {
         Self::ALL.iter().find(|(_, sweep)| *sweep == self).map_or("", |(name, _)| name)
     }
 
-    /// Its points, the methods first.
-    pub fn points(self) -> Vec<Spec> {
-        let mut points: Vec<Spec> = [Method::Iprt, Method::Paper, Method::Ibl].map(Spec::method).into();
+    /// The points of the sweep, the methods first.
+    pub fn points(self) -> Vec<PointSpec> {
+        let mut points: Vec<PointSpec> = [Method::Iprt, Method::Paper, Method::Ibl].map(PointSpec::method).into();
         match self {
-            Self::Methods => points.extend([Method::Paper, Method::Ibl].map(|method| Spec::limit(method, 256))),
-            Self::Small => points.extend([1, 4, 16].map(Spec::reference)),
+            Self::Methods => points.extend([Method::Paper, Method::Ibl].map(|method| PointSpec::limit(method, 256))),
+            Self::Small => points.extend([1, 4, 16].map(PointSpec::reference)),
             Self::Full => {
-                points.extend([Method::Paper, Method::Ibl].map(|method| Spec::limit(method, 256)));
-                points.extend([1, 4, 16, 64, 256].map(Spec::reference));
+                points.extend([Method::Paper, Method::Ibl].map(|method| PointSpec::limit(method, 256)));
+                points.extend([1, 4, 16, 64, 256].map(PointSpec::reference));
             }
         }
         let settings = match self {
@@ -78,14 +80,14 @@ impl Sweep {
             Self::Full => FULL,
         };
         for (method, setting, values) in settings {
-            points.extend(values.iter().map(|value| Spec::setting(*method, setting, value)));
+            points.extend(values.iter().map(|value| PointSpec::setting(*method, setting, value)));
         }
         let scales = match self {
             Self::Methods => &[][..],
             Self::Small => &[0.5][..],
             Self::Full => &[0.25, 0.5, 0.75][..],
         };
-        points.extend(scales.iter().map(|scale| Spec::scaled(*scale)));
+        points.extend(scales.iter().map(|scale| PointSpec::scaled(*scale)));
         points
     }
 }
@@ -143,7 +145,7 @@ const FULL: &[Values] = &[
     (Method::Paper, "screen_jitter", &["0"]),
 ];
 
-impl Spec {
+impl PointSpec {
     fn method(method: Method) -> Self {
         Self {
             name: method.name(),
@@ -153,31 +155,32 @@ impl Spec {
             converged: false,
             set: Vec::new(),
             scale: 1.0,
-            cost: Cost::Frame,
+            cost: CostUnit::Frame,
             frames: None,
         }
     }
 
-    /// A method's own model, converged: where it would end up.
+    /// The converged model of a method, which is what it would end up with.
     fn limit(method: Method, paths: u32) -> Self {
         Self {
             name: format!("{}, converged", method.name()),
             group: "limit",
             converged: true,
-            cost: Cost::Picture,
+            cost: CostUnit::Picture,
             frames: Some(paths),
             ..Self::method(method)
         }
     }
 
-    /// The relit panorama gets as many paths as the picture, and no more before it: they are part of the cost.
+    /// Path traces the model. The relit panorama gets as many paths as the picture. It gets none before the
+    /// picture, so that all of them are part of the cost.
     fn reference(paths: u32) -> Self {
         let unit = if paths == 1 { "path" } else { "paths" };
         Self {
             name: format!("reference, {paths} {unit}"),
             group: "reference",
             set: vec![("relight_warmup", "0")],
-            cost: Cost::Picture,
+            cost: CostUnit::Picture,
             frames: Some(paths),
             ..Self::method(Method::Reference)
         }
@@ -194,7 +197,7 @@ impl Spec {
         }
     }
 
-    /// Rendered smaller and stretched bilinearly, as an internal resolution would be.
+    /// Renders smaller and stretches bilinearly, like an internal resolution.
     fn scaled(scale: f32) -> Self {
         Self {
             name: format!("scale = {scale}"),
@@ -205,15 +208,15 @@ impl Spec {
         }
     }
 
-    /// All settings: the preset, then what the scene sets, then the point's own.
+    /// All settings of the point: the preset's, over them the scene's, and over those the point's own.
     ///
     /// # Errors
-    /// What the scene sets is none.
+    /// Fails if the scene gives an unknown setting or a bad value.
     pub fn settings(&self, of_scene: &[(String, String)], subject: &str) -> Result<Settings> {
         let mut settings = Settings::of(self.method);
         if self.converged {
             settings.converge();
-            // as with `reference`, the relit panorama is paid for by the frames
+            // As with `reference`, the frames pay for the relit panorama.
             settings.relight_warmup = 0;
         }
         for (key, value) in of_scene {
@@ -251,7 +254,7 @@ mod tests {
     #[test]
     fn the_full_sweep_changes_every_setting() {
         let swept: BTreeSet<&str> = FULL.iter().map(|(_, setting, _)| *setting).collect();
-        // the first counts only where pictures converge, the second only where rays march
+        // The first setting matters only while pictures converge, the second only where rays march.
         let left_out = ["relight_warmup", "march_steps"];
         let missing: Vec<_> = Settings::TABLE
             .iter()

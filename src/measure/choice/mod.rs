@@ -1,21 +1,21 @@
-//! `--target-ms` and `--target-flip`: the cheapest settings that reach a target, from points measured on this very device.
+//! `--target-ms` and `--target-flip` choose the cheapest settings that reach a target, from points that were
+//! measured on the same device.
 //!
-//! A [`Sheet`] holds what was measured at one size, by a chart or by [`quick`], and [`store`] keeps it for the user. [`choose`] only
-//! compares numbers; [`Sheet::predict`] carries times over to other sizes.
+//! A [`Sheet`] holds what a chart or [`quick`] measured at one size, and [`store`] keeps sheets for the user.
+//! [`choose`] only compares numbers. [`Sheet::predict`] carries times over to other sizes.
 
 pub mod quick;
 pub mod store;
 
 use super::{
-    bench::quantile,
-    chart::Round,
+    clock::{Round, median},
     score::{REGIONS, Score},
 };
 use serde::{Deserialize, Serialize};
 use std::{cmp::Ordering, collections::BTreeMap};
 
-/// Settings that a choice may change: those that buy time by less work, and show it in a still picture. What shows only while something
-/// moves (`history`, `clamp`, …) is left alone.
+/// The settings that a choice may change. They save time by less work, and a still picture shows the
+/// difference. Settings whose effect shows only in motion, like `history` and `clamp`, are left alone.
 pub const TRADED: [&str; 11] = [
     "relight_levels",
     "relight_width",
@@ -30,103 +30,109 @@ pub const TRADED: [&str; 11] = [
     "atrous_levels",
 ];
 
-/// Frames of a still picture after which its error counts.
+/// Number of frames of a still picture after which its error counts.
 pub const FRAMES: u32 = 16;
 
-/// Errors that differ by less are the same: two drivers may differ by so much.
+/// Errors that differ by less count as equal. Two drivers may differ by as much.
 pub const SAME_FLIP: f64 = 0.002;
 
-/// The pass whose cost has nothing to do with the picture's size.
+/// The pass whose cost does not depend on the picture's size.
 const RELIGHT: &str = "relight";
 
 /// A method with settings, and what was measured of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
-    /// Preset.
+    /// The preset's name.
     pub method: String,
-    /// Settings over the preset, the scene's and the user's.
+    /// Settings over those of the preset, the scene and the user.
     pub set: BTreeMap<String, String>,
     /// Median GPU milliseconds of each pass of a frame.
     pub passes: BTreeMap<String, f64>,
-    /// Milliseconds of a frame that are in no pass.
+    /// Milliseconds of a frame that belong to no pass.
     pub rest_ms: f64,
-    /// Milliseconds of what is done once a video frame.
+    /// Milliseconds of the passes that run once a video frame.
     pub prepare_ms: f64,
-    /// See [`error`].
+    /// The error of the picture, as [`error`] defines it.
     pub flip: f64,
 }
 
-/// Candidates measured on one view at one size, against one truth.
+/// Candidates that were measured on one view, at one size and against one truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sheet {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// What the errors are against, for people.
+    /// The name of the truth, for people.
     pub truth: String,
-    /// The truth's own, as [`error`]: its two halves against each other.
+    /// The truth's own [`error`], from its two halves against each other.
     pub noise: f64,
-    /// The share of a pass's time at this size that does not grow with the picture; 0 where it is not known.
+    /// The share of each pass's time at this size that does not grow with the picture. It is 0 for a pass
+    /// that is missing.
     pub fixed: BTreeMap<String, f64>,
-    /// Whether all that were to be measured are here.
+    /// Whether all candidates have been measured.
     pub complete: bool,
-    /// Each with its own settings.
+    /// The candidates. Each has its own settings.
     pub candidates: Vec<Candidate>,
 }
 
-/// What is wanted: one of them, or both.
+/// What a user wants: a time, an error, or both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// GPU milliseconds a frame at most.
+    /// The most GPU milliseconds a frame may take.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub ms: Option<f64>,
-    /// [`error`] at most.
+    /// The largest [`error`] a picture may have.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub flip: Option<f64>,
 }
 
-/// What a choice expects of a candidate, or finds.
+/// The time and the error of a candidate, expected or measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Expected {
     /// GPU milliseconds a frame.
     pub ms: f64,
-    /// See [`error`].
+    /// The [`error`] of the picture.
     pub flip: f64,
 }
 
-/// See [`choose`].
+/// What [`choose`] found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
-    /// Of the points given.
+    /// Index of the chosen point.
     pub index: usize,
-    /// That point.
+    /// The chosen point.
     pub expected: Expected,
-    /// Whether the targets are.
+    /// Whether it reaches the targets.
     pub reached: Reached,
 }
 
-/// Whether each target is reached; one that was not given is.
+/// Whether each target is reached. A target that was not given counts as reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reached {
-    /// The time.
+    /// The target for the time.
     pub ms: bool,
-    /// The error.
+    /// The target for the error.
     pub flip: bool,
 }
 
-/// The number that targets are about: FLIP over virtual or over influenced pixels, whichever is larger, for an average over the whole
-/// picture hides a wrong shadow; over all pixels where objects neither are seen nor have influence.
+/// The error that targets are about. It is FLIP over virtual or over influenced pixels, whichever is larger,
+/// since an average over the whole picture hides a wrong shadow. In a picture where objects are not seen and
+/// have no influence, it is FLIP over all pixels.
 pub fn error(score: &Score) -> f64 {
     let of = REGIONS[1..].iter().filter_map(|region| Some(score.region(region)?.flip));
     of.reduce(f64::max).unwrap_or(score.whole.flip)
 }
 
-/// Chooses among points; those with a number that is not finite, or without a time, do not count.
+/// Chooses among points. A point does not count if it has no time, or a number that is not finite.
 ///
-/// * An error alone: the cheapest point that has at most that error. None has: the most accurate.
-/// * A time alone: the most accurate point that takes at most that time. None does: the fastest.
-/// * Both: the cheapest point that has at most that error, if it takes at most that time; otherwise as the time alone.
+/// * For an error alone it takes the cheapest point that has at most that error, or else the most accurate
+///   point.
+/// * For a time alone it takes the most accurate point that takes at most that time, or else the fastest
+///   point.
+/// * For both it takes the cheapest point that has at most that error, if it takes at most that time.
+///   Otherwise it chooses by the time alone.
 ///
-/// Among points that are as accurate (within [`SAME_FLIP`]) the cheaper is taken, among those that cost the same the more accurate.
+/// Of points that are equally accurate (within [`SAME_FLIP`]) it takes the cheaper one. Of points that cost
+/// the same it takes the more accurate one.
 pub fn choose(points: &[Expected], target: Target) -> Option<Choice> {
     let finite = |i: &usize| points[*i].ms.is_finite() && points[*i].ms > 0.0 && points[*i].flip.is_finite();
     let all: Vec<usize> = (0..points.len()).filter(finite).collect();
@@ -161,25 +167,23 @@ fn cheaper(a: &Expected, b: &Expected) -> Ordering {
 }
 
 impl Candidate {
-    /// From the frames of one repetition or of several.
+    /// Makes a candidate from the times of one repetition or more.
     pub fn new(method: String, set: BTreeMap<String, String>, rounds: &[Round], flip: f64) -> Self {
-        let median = |mut of: Vec<f64>| quantile(&mut of, 0.5);
         let names: Vec<&String> = rounds.iter().flat_map(|round| round.passes.keys()).collect();
-        let of = |name: &String| median(rounds.iter().filter_map(|round| round.passes.get(name).copied()).collect());
+        let of = |name: &String| median(rounds.iter().filter_map(|round| round.passes.get(name).copied()));
         let passes: BTreeMap<String, f64> = names.into_iter().map(|name| (name.clone(), of(name))).collect();
-        let timed = rounds.iter().filter(|round| !round.frame_ms.is_empty());
-        let frame = median(timed.map(|round| median(round.frame_ms.clone())).collect());
+        let frame = median(rounds.iter().filter(|round| !round.frame_ms.is_empty()).map(Round::median_ms));
         Self {
             method,
             set,
             rest_ms: (frame - passes.values().sum::<f64>()).max(0.0),
             passes,
-            prepare_ms: median(rounds.iter().map(|round| round.prepare_ms).collect()),
+            prepare_ms: median(rounds.iter().map(|round| round.prepare_ms)),
             flip,
         }
     }
 
-    /// As the command line takes it.
+    /// The settings as the command line takes them.
     pub fn flags(&self) -> String {
         let set: String = self.set.iter().map(|(name, value)| format!(" --set {name}={value}")).collect();
         format!("--method {}{set}", self.method)
@@ -187,10 +191,11 @@ impl Candidate {
 }
 
 impl Sheet {
-    /// Milliseconds of a frame at another size; `new_video_frames`: each shows a new video frame.
+    /// Predicts the milliseconds of a frame at another size. With `new_video_frames` each frame shows a new
+    /// video frame.
     ///
-    /// Times of passes grow with the number of pixels, but for their fixed share; the relit panorama, the panorama's own preparation and what is
-    /// in no pass do not.
+    /// The time of a pass grows with the number of pixels, except for its fixed share. Relighting the
+    /// panorama, preparing a video frame and the rest of a frame do not grow.
     pub fn predict(&self, candidate: &Candidate, size: [u32; 2], new_video_frames: bool) -> f64 {
         let growth = pixels(size) / pixels(self.size);
         let pass = |(name, ms): (&String, &f64)| {
@@ -201,7 +206,8 @@ impl Sheet {
         candidate.rest_ms + candidate.passes.iter().map(pass).sum::<f64>() + prepare
     }
 
-    /// What is expected of each candidate at a size; nothing of those of another method, where one is asked for.
+    /// What is expected of each candidate at a size. If a method is asked for, nothing is expected of the
+    /// candidates of other methods.
     pub fn expected(&self, method: Option<&str>, size: [u32; 2], new_video_frames: bool) -> Vec<Expected> {
         let nothing = Expected { ms: f64::NAN, flip: f64::NAN };
         let of = |c: &Candidate| Expected { ms: self.predict(c, size, new_video_frames), flip: c.flip };
@@ -209,7 +215,8 @@ impl Sheet {
         self.candidates.iter().map(|c| if asked(c) { of(c) } else { nothing }).collect()
     }
 
-    /// Whether it can answer for pictures of a size: of the same shape, and not smaller than they need to be.
+    /// Whether the sheet can answer for pictures of a size. They must have the same shape, and the sheet's
+    /// size must be large enough for them.
     pub fn serves(&self, size: [u32; 2]) -> bool {
         let shape = |[w, h]: [u32; 2]| f64::from(w) / f64::from(h);
         let alike = (shape(self.size) / shape(size)).ln().abs() < 0.03;
@@ -217,7 +224,8 @@ impl Sheet {
     }
 }
 
-/// The share of each pass's time at the first size that does not grow with the picture, by a straight line through its times at two.
+/// The share of each pass's time at the first size that does not grow with the picture, from a straight line
+/// through its times at both sizes.
 pub fn fixed_shares(
     first: (&BTreeMap<String, f64>, [u32; 2]),
     second: (&BTreeMap<String, f64>, [u32; 2]),

@@ -1,13 +1,13 @@
-//! Measures a few candidates within about a minute, where no chart has done so before.
+//! Measures a few candidates within about a minute, for a view that no chart has measured.
 
 use super::{Candidate, FRAMES, Sheet, error, fixed_shares, store::Store};
 use crate::{
     Result,
     gpu::Gpu,
     measure::{
-        chart::{Round, Truth, measure::Clock},
+        clock::{FrameClock, Round},
         regions::{self, Regions, of_scene},
-        score::{RealView, Yardstick, real_view},
+        score::{RealView, TruthKind, Yardstick, real_view},
     },
     options::RenderOptions,
     reference::cache::{Keep, truth_of_model, truth_of_scene},
@@ -17,23 +17,23 @@ use crate::{
 };
 use std::collections::BTreeMap;
 
-/// A picture has at most so many pixels.
+/// Largest number of pixels of a measured picture.
 const PIXELS: f64 = 160.0 * 90.0;
-/// Samples a pixel of the truth, the true scene's.
+/// Samples a pixel of scene truth.
 const SCENE_SPP: u32 = 64;
-/// Paths a pixel of the truth where the true scene is not known.
+/// Paths a pixel of model truth, which is used if the true scene is not known.
 const MODEL_SPP: u32 = 64;
-/// Frames that its relit panorama is accumulated for before.
+/// Number of frames for which the relit panorama of model truth is accumulated first.
 const MODEL_WARM_UP: &str = "16";
-/// Samples of the filtered truths that tell regions apart.
+/// Samples of the filtered truths that the regions come from.
 const REGION_SPP: u32 = 16;
-/// Frames for times alone, warm-up included.
+/// Number of frames that are rendered for times alone, including the warm-up.
 const TIMED: u32 = 10;
 
 /// Settings over a preset.
 type Set = &'static [(&'static str, &'static str)];
 
-/// What is tried: from little work to much.
+/// The candidates, from little work to much.
 const TRIED: &[(Method, Set)] = &[
     (Method::Ibl, &[]),
     (Method::Ibl, &[("atrous_levels", "2")]),
@@ -51,13 +51,13 @@ const TRIED: &[(Method, Set)] = &[
     (Method::Iprt, &[("rays_per_pixel", "1")]),
 ];
 
-/// The size that is measured for pictures of a size: of their shape, and no larger.
+/// The size that is measured for pictures of a size. It has their shape, and is not larger than they are.
 pub fn size(of: [u32; 2]) -> [u32; 2] {
     let scale = (PIXELS / super::pixels(of)).sqrt().min(1.0);
     of.map(|side| ((f64::from(side) * scale).round() as u32).max(1))
 }
 
-/// How often [`measure`] tells that it goes on.
+/// How often [`measure`] calls `tick`.
 pub fn work(known: bool, lit: bool, given: &Settings) -> u64 {
     let truth = match (lit, known) {
         (false, _) => 0,
@@ -67,7 +67,8 @@ pub fn work(known: bool, lit: bool, given: &Settings) -> u64 {
     u64::from(truth + TIMED) + tried(given, lit).len() as u64 * u64::from(FRAMES)
 }
 
-/// Those of [`TRIED`] that change nothing which was given. Without objects all are alike.
+/// The candidates of [`TRIED`] that change no setting which was given. Without objects one candidate is
+/// enough, since all are alike.
 fn tried(given: &Settings, lit: bool) -> Vec<(Method, Set)> {
     let free = |set: Set| set.iter().all(|(name, _)| !given.given.contains(name));
     match lit {
@@ -76,12 +77,13 @@ fn tried(given: &Settings, lit: bool) -> Vec<(Method, Set)> {
     }
 }
 
-/// Measures what `sheet` lacks, still pictures of the scene's first frame as `options` have it: truth, errors after [`FRAMES`] frames, times, and
-/// times at twice the width and height. The true scene with and without objects is in `complete`, where it is known. What is done is
-/// in `store` before the next is begun.
+/// Measures the candidates that the sheet in `store` lacks, on still pictures of the scene's first frame as
+/// `options` ask for it. It measures their errors after [`FRAMES`] frames and their times, and the time of
+/// one at twice the width and height. `complete` is the true scene with and without objects, if it is known.
+/// Each result is in `store` before the next one is begun.
 ///
 /// # Errors
-/// As [`Renderer`]; [`Error::Interrupted`](crate::Error::Interrupted).
+/// Fails if the renderer fails, or with [`Error::Interrupted`](crate::Error::Interrupted) if it is stopped.
 #[allow(clippy::too_many_arguments, reason = "each is one thing that a measurement depends on")]
 pub fn measure(
     gpu: &Gpu,
@@ -94,7 +96,7 @@ pub fn measure(
     tick: &mut dyn FnMut(),
 ) -> Result<Sheet> {
     let base = RenderOptions { size: size(options.size), seed: 0, ..options.clone() };
-    let target = Target::new(gpu, scene, complete, &base, exposure, keep, tick)?;
+    let target = Baseline::new(gpu, scene, complete, &base, exposure, keep, tick)?;
     let kept = store.load().into_iter().find(|sheet| sheet.size == base.size && sheet.truth == target.truth.0);
     let mut sheet = kept.unwrap_or_else(|| Sheet {
         size: base.size,
@@ -130,10 +132,10 @@ pub fn measure(
     Ok(sheet)
 }
 
-/// A preset, with what was given over it, and then a candidate's own.
+/// The settings of a preset, over them those that were given, and over those a candidate's own.
 ///
 /// # Errors
-/// A setting that cannot be set.
+/// Fails if a setting has a bad value.
 pub fn settings<'a>(
     method: Method,
     given: &Settings,
@@ -149,7 +151,7 @@ pub fn settings<'a>(
     Ok(settings)
 }
 
-/// Frames of a still scene: their times, and the last one.
+/// Renders frames of a still scene. Returns their times and the last picture.
 fn still(
     gpu: &Gpu,
     scene: &Scene,
@@ -159,23 +161,22 @@ fn still(
     tick: &mut dyn FnMut(),
 ) -> Result<(Round, Vec<[f32; 4]>)> {
     let mut renderer = Renderer::new(gpu, scene, options)?;
-    let mut clock = Clock::default();
-    for _ in 0..frames {
-        keep.go_on(&scene.name)?;
-        clock.frame(&mut renderer, scene, scene.panorama.frame_time(0))?;
+    let mut clock = FrameClock::default();
+    clock.still(&mut renderer, scene, scene.panorama.frame_time(0), frames, || {
         tick();
-    }
+        keep.go_on(&scene.name)
+    })?;
     let picture = renderer.picture()?;
     Ok((clock.round(&renderer), picture))
 }
 
-/// What errors are against.
-struct Target {
+/// What errors are measured against: a truth with its name, and its regions.
+struct Baseline {
     truth: (String, Yardstick),
     regions: Regions,
 }
 
-impl Target {
+impl Baseline {
     fn new(
         gpu: &Gpu,
         scene: &Scene,
@@ -187,7 +188,7 @@ impl Target {
     ) -> Result<Self> {
         let time = scene.panorama.frame_time(0);
         let view = real_view(gpu, scene, &RenderOptions { without_objects: false, ..base.clone() }, time)?;
-        let named = |truth: Truth, yardstick| (truth.name().to_owned(), yardstick);
+        let named = |truth: TruthKind, yardstick| (truth.name().to_owned(), yardstick);
         if scene.instance_count() == 0 || base.without_objects {
             return Self::nothing(&view, base, exposure);
         }
@@ -197,17 +198,17 @@ impl Target {
             let mut truth = |complete| truth_of_scene(gpu, complete, base, time, SCENE_SPP, keep, tick);
             let truths = [truth(with)?, truth(without)?];
             let yardstick = Yardstick::of_scene(&view, [&truths[0], &truths[1]], &regions, exposure)?;
-            return Ok(Self { truth: named(Truth::Scene, yardstick), regions });
+            return Ok(Self { truth: named(TruthKind::Scene, yardstick), regions });
         }
         let mut set = vec![("relight_warmup".to_owned(), MODEL_WARM_UP.to_owned())];
         set.extend(super::store::given(&base.settings).into_iter().map(|(name, value)| (name.to_owned(), value)));
         let truth = truth_of_model(gpu, scene, base, &set, time, MODEL_SPP, keep, tick)?;
         let regions = regions::regions(base.size, &truth.radiance, &view.camera_radiance, &view.real_coverage);
         let yardstick = Yardstick::of_model(&truth, &regions, exposure)?;
-        Ok(Self { truth: named(Truth::Model, yardstick), regions })
+        Ok(Self { truth: named(TruthKind::Model, yardstick), regions })
     }
 
-    /// Nothing is inserted: the truth is the plain view, and nothing of it is random.
+    /// The baseline of a scene without objects. Its truth is the plain view, and nothing in it is random.
     fn nothing(view: &RealView, base: &RenderOptions, exposure: f32) -> Result<Self> {
         let pixels = view.camera_radiance.len();
         let regions = Regions { virtual_: vec![false; pixels], influenced: vec![false; pixels] };

@@ -1,5 +1,5 @@
-//! What was measured for choosing, kept for the user: a file for each device, program, view and given settings in the cache folder, with a
-//! sheet for each size.
+//! Keeps what was measured for choosing. The cache folder has a file for each device, program, view and set
+//! of given settings. The file has a sheet for each size.
 
 use super::Sheet;
 use crate::{
@@ -16,7 +16,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// What a file starts with; its hash and the sheets follow.
+/// The first bytes of a file. The hash of the sheets and the sheets follow.
 const MAGIC: &[u8] = b"iprt measured points 1\n";
 
 /// The sheets of one view.
@@ -26,11 +26,12 @@ pub struct Store {
 }
 
 impl Store {
-    /// For a scene's first frame, seen as `options` say, with the settings that were given in the scene and by the user; size, method and
-    /// seed do not count. In `folder` (see [`cache_folder`](crate::reference::capture::cache_folder)); nothing is kept where there is none.
+    /// Opens the store for a scene's first frame, as `options` show it, with the settings that the scene and
+    /// the user give. Size, method and seed do not count. Sheets are kept in `folder` (see
+    /// [`cache_folder`](crate::reference::capture::cache_folder)). Without a folder nothing is kept.
     ///
     /// # Errors
-    /// A panorama that cannot be read.
+    /// Fails if the panorama cannot be read.
     pub fn of(gpu: &Gpu, scene: &Scene, options: &RenderOptions, exposure: f32, folder: Option<&Path>) -> Result<Self> {
         let Some(folder) = folder else { return Ok(Self { file: None }) };
         let mut hasher = hash_rendered(scene, scene.panorama.frame_time(0))?;
@@ -41,7 +42,7 @@ impl Store {
         Ok(Self { file: Some(folder.join(format!("points-{}", &hasher.finalize().to_hex()[..32]))) })
     }
 
-    /// All that was kept. A file that is not as it was written is told and does not count.
+    /// Reads all sheets. A damaged file is reported and ignored.
     pub fn load(&self) -> Vec<Sheet> {
         let Some(file) = self.file.as_deref().filter(|file| file.exists()) else { return Vec::new() };
         let load = || -> Option<Vec<Sheet>> {
@@ -55,7 +56,8 @@ impl Store {
         })
     }
 
-    /// Adds a sheet in place of one of its size. What cannot be written is told and not kept.
+    /// Adds a sheet, in place of the one of the same size. If it cannot be written, that is reported and
+    /// nothing is kept.
     pub fn put(&self, sheet: Sheet) {
         let Some(file) = &self.file else { return };
         let mut sheets = self.load();
@@ -80,15 +82,16 @@ fn write(file: &Path, sheets: &[Sheet]) -> Result<()> {
     write_bytes(file, &bytes)
 }
 
-/// The settings that were given, by the scene or by the user, and their values.
+/// The settings that the scene or the user gives, and their values.
 pub fn given(settings: &Settings) -> Vec<(&'static str, String)> {
     settings.values().into_iter().filter(|(name, _)| settings.given.contains(name)).collect()
 }
 
-/// The package's version and a hash of the program itself: times and pictures of another build are not mixed in.
+/// The package's version and a hash of the program itself, so that times and pictures of different builds are
+/// not mixed.
 ///
 /// # Errors
-/// The program's file cannot be read.
+/// Fails if the program's file cannot be read.
 pub fn version() -> Result<String> {
     let program = env::current_exe().map_err(|error| Error::Internal(format!("the program's own file: {error}")))?;
     let hash = blake3::hash(&read_bytes(&program)?).to_hex();

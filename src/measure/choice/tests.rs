@@ -80,7 +80,8 @@ fn times_grow_with_the_picture_but_for_what_is_fixed() {
     let sheet = sheet();
     let predict = |size, video| sheet.predict(&sheet.candidates[0], size, video);
     assert_eq!(predict([160, 90], false), 131.0);
-    // four times the pixels: 80 of gbuffer, 80 of relight, 15 fixed and 60 of atrous, and the rest
+    // At four times the pixels the sum is 80 for gbuffer, 80 for relight, 15 fixed and 60 growing for atrous,
+    // and the rest.
     assert_eq!(predict([320, 180], false), 236.0);
     assert_eq!(predict([80, 45], true), 5.0 + 80.0 + 15.0 + 3.75 + 1.0 + 100.0);
 }
@@ -99,12 +100,12 @@ fn a_line_through_two_sizes_gives_the_fixed_share() {
     let small = times(&[("gbuffer", 12.0), ("relight", 80.0), ("atrous", 10.0), ("temporal", 4.0)]);
     let large = times(&[("gbuffer", 42.0), ("relight", 80.0), ("atrous", 44.0)]);
     let fixed = fixed_shares((&small, [160, 90]), (&large, [320, 180]));
-    // 2 + 10·growth; none; 10·growth and more; not measured
+    // The times are 2 + 10·growth, constant, more than 10·growth, and not measured.
     assert!((fixed["gbuffer"] - 1.0 / 6.0).abs() < 1e-12);
     assert_eq!((fixed["relight"], fixed["atrous"], fixed.len()), (1.0, 0.0, 3));
     let sheet = Sheet { fixed, ..sheet() };
     let candidate = Candidate { passes: small, ..Default::default() };
-    // what was measured at both sizes is met at both
+    // The prediction meets what was measured at both sizes.
     assert!((sheet.predict(&candidate, [320, 180], false) - (42.0 + 80.0 + 40.0 + 16.0)).abs() < 1e-9);
 }
 

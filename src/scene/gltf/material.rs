@@ -4,7 +4,7 @@ use super::{File, resource};
 use crate::{
     Result,
     scene::{
-        material::{Encoding, Material, Texture, Wrap},
+        material::{Material, TexelEncoding, Texture, Wrap},
         model::Model,
     },
 };
@@ -40,7 +40,7 @@ impl UvSource {
 }
 
 /// A texture as a material names it.
-struct Slot {
+struct TextureUse {
     texture: usize,
     uv: UvSource,
 }
@@ -49,7 +49,7 @@ struct Slot {
 pub(super) struct Materials {
     /// Model material, texture coordinates, has a normal map; the last entry is the default material.
     known: Vec<Option<(u32, UvSource, bool)>>,
-    textures: HashMap<(usize, Encoding), usize>,
+    textures: HashMap<(usize, TexelEncoding), usize>,
     images: HashMap<usize, ([u32; 2], Vec<[u8; 4]>)>,
 }
 
@@ -107,15 +107,15 @@ impl Materials {
             let others =
                 file.root.materials[index].normal_texture.as_ref().and_then(|normal| normal.extensions.as_ref());
             let transform = others.and_then(|extensions| extensions.others.get("KHR_texture_transform"));
-            Slot { texture: normal.texture().index(), uv: uv_from_json(normal.tex_coord(), transform) }
+            TextureUse { texture: normal.texture().index(), uv: uv_from_json(normal.tex_coord(), transform) }
         });
         let slots = [
-            (slot(pbr.base_color_texture()), Encoding::Srgb),
-            (slot(pbr.metallic_roughness_texture()), Encoding::Linear),
-            (normal_slot, Encoding::Normal),
-            (slot(source.emissive_texture()), Encoding::Srgb),
-            (slot(specular.as_ref().and_then(|specular| specular.specular_texture())), Encoding::Linear),
-            (slot(specular.as_ref().and_then(|specular| specular.specular_color_texture())), Encoding::Srgb),
+            (slot(pbr.base_color_texture()), TexelEncoding::Srgb),
+            (slot(pbr.metallic_roughness_texture()), TexelEncoding::Linear),
+            (normal_slot, TexelEncoding::Normal),
+            (slot(source.emissive_texture()), TexelEncoding::Srgb),
+            (slot(specular.as_ref().and_then(|specular| specular.specular_texture())), TexelEncoding::Linear),
+            (slot(specular.as_ref().and_then(|specular| specular.specular_color_texture())), TexelEncoding::Srgb),
         ];
         let mut uv: Option<UvSource> = None;
         let mut textures = [None; 6];
@@ -151,7 +151,7 @@ impl Materials {
         Ok((material, uv.unwrap_or(UvSource::PLAIN)))
     }
 
-    fn texture(&mut self, file: &File, index: usize, encoding: Encoding, model: &mut Model) -> Result<usize> {
+    fn texture(&mut self, file: &File, index: usize, encoding: TexelEncoding, model: &mut Model) -> Result<usize> {
         if let Some(texture) = self.textures.get(&(index, encoding)) {
             return Ok(*texture);
         }
@@ -183,7 +183,7 @@ impl Materials {
     }
 }
 
-fn slot(info: &Info) -> Slot {
+fn slot(info: &Info) -> TextureUse {
     let uv = match info.texture_transform() {
         Some(transform) => UvSource::new(
             transform.tex_coord().unwrap_or_else(|| info.tex_coord()),
@@ -193,7 +193,7 @@ fn slot(info: &Info) -> Slot {
         ),
         None => UvSource { set: info.tex_coord(), ..UvSource::PLAIN },
     };
-    Slot { texture: info.texture().index(), uv }
+    TextureUse { texture: info.texture().index(), uv }
 }
 
 /// The glTF crate does not read the transform of normal textures.

@@ -12,7 +12,7 @@ use ::gltf::{
 use glam::{Vec2, Vec3};
 
 /// One primitive, decoded.
-struct Part {
+struct DecodedPrimitive {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
@@ -50,7 +50,7 @@ fn load_part(
     user: &str,
     uv_source: UvSource,
     normal_mapped: bool,
-) -> Result<Option<Part>> {
+) -> Result<Option<DecodedPrimitive>> {
     let attribute =
         |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|accessor| accessor.value());
     if attribute(Semantic::Colors(0)).is_some() {
@@ -113,7 +113,7 @@ fn load_part(
     }
     let triangles = triangles(mode, &corners);
 
-    let mut part = Part {
+    let mut part = DecodedPrimitive {
         positions,
         normals: normals.iter().flatten().map(|normal| Vec3::from_array(*normal)).collect(),
         uvs: uvs.into_iter().map(|uv| uv_source.apply(uv)).collect(),
@@ -144,7 +144,7 @@ fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
     }
 }
 
-impl Part {
+impl DecodedPrimitive {
     fn face_normal(&self, triangle: &[u32; 3]) -> Vec3 {
         let [a, b, c] = triangle.map(|vertex| self.positions[vertex as usize].as_dvec3());
         (b - a).cross(c - a).normalize_or_zero().as_vec3()
@@ -181,7 +181,7 @@ impl Part {
     }
 }
 
-impl tangent::Corners for Part {
+impl tangent::Corners for DecodedPrimitive {
     fn counts(&self) -> (usize, usize) {
         (self.positions.len(), self.triangles.len())
     }

@@ -1,7 +1,7 @@
 //! What furnishes the gallery, built as in [`furniture`](super::furniture).
 
 use super::furniture::{centred, lifted, place};
-use super::kit::{Builder, Part, block, lathe, rounded_block, sphere, tube};
+use super::kit::{Builder, Solid, block, lathe, rounded_block, sphere, tube};
 use super::textures;
 use glam::{Affine3A, Vec2, Vec3, vec2, vec3};
 
@@ -13,7 +13,7 @@ pub fn plinth(b: &mut Builder, at: Affine3A, size: Vec3, paint: u32) {
 }
 
 /// The ring where a post meets the floor.
-pub fn collar(radius: f32) -> Part {
+pub fn collar(radius: f32) -> Solid {
     lathe(
         &[
             vec2(0.0, -0.004),

@@ -1,7 +1,7 @@
 //! Furniture: each function builds one piece about the middle of its footprint, facing +Z, and places it by `at`.
 //! Feet reach 5 mm into the floor, backs into walls, so that no two faces share a plane.
 
-use super::kit::{Builder, Part, block, curtain, hash, lathe, leaf, quad, rounded_block, sphere, tube};
+use super::kit::{Builder, Solid, block, curtain, hash, lathe, leaf, quad, rounded_block, sphere, tube};
 use glam::{Affine3A, Quat, Vec2, Vec3, vec2, vec3};
 use std::f32::consts::TAU;
 
@@ -16,17 +16,17 @@ pub fn lifted(y: f32) -> Affine3A {
 }
 
 /// A block about `centre`.
-pub fn centred(centre: Vec3, size: Vec3) -> Part {
+pub fn centred(centre: Vec3, size: Vec3) -> Solid {
     block(centre - size * 0.5, centre + size * 0.5)
 }
 
 /// Four tapered feet at (±x, ±z), up to `height`.
-pub fn feet(x: f32, z: f32, height: f32, radius: f32) -> Part {
+pub fn feet(x: f32, z: f32, height: f32, radius: f32) -> Solid {
     let foot = lathe(&[vec2(0.0, -0.005), vec2(radius * 0.6, -0.005), vec2(radius, height), vec2(0.0, height)], 10);
     [(x, z), (-x, z), (x, -z), (-x, -z)]
         .into_iter()
         .map(|(x, z)| foot.clone().placed(place(x, 0.0, z, 0.0)))
-        .fold(Part::default(), Part::and)
+        .fold(Solid::default(), Solid::and)
 }
 
 /// Cloth and wood of a [`sofa`].
@@ -41,7 +41,7 @@ pub struct Upholstery {
 pub fn sofa(b: &mut Builder, at: Affine3A, seats: usize, look: &Upholstery) {
     let cloth_uv = Vec2::splat(4.0);
     let inner = 0.78 * seats as f32;
-    let mut soft = |part: Part, place: Affine3A| b.add(part.uv_scaled(cloth_uv), at * place, look.cloth);
+    let mut soft = |part: Solid, place: Affine3A| b.add(part.uv_scaled(cloth_uv), at * place, look.cloth);
     soft(rounded_block(vec3(inner + 0.3, 0.2, 0.8), 0.03, 2, 1, 0.0), lifted(0.22));
     for side in [-1.0, 1.0] {
         let x = side * (inner + 0.2) * 0.5;
@@ -77,7 +77,7 @@ pub fn coffee_table(b: &mut Builder, at: Affine3A, size: Vec2, top: u32, legs: u
 /// A bookcase 1.5 m × 2 m, its back at z = 0, filled with books of the given materials.
 pub fn bookcase(b: &mut Builder, at: Affine3A, board: u32, books: &[u32], ornament: u32) {
     let (width, height, depth, t) = (1.5, 2.0, 0.30, 0.024);
-    let mut boards = Part::default();
+    let mut boards = Solid::default();
     for side in [-1.0, 1.0] {
         boards = boards
             .and(centred(vec3(side * (width - t) * 0.5, height * 0.5, depth * 0.5), vec3(t, height + 0.012, depth)));

@@ -19,7 +19,7 @@ pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
 
 /// A closed shape without material.
 #[derive(Clone, Debug, Default)]
-pub struct Part {
+pub struct Solid {
     /// Metres.
     pub positions: Vec<Vec3>,
     /// Unit length, outward.
@@ -30,7 +30,7 @@ pub struct Part {
     pub triangles: Vec<[u32; 3]>,
 }
 
-impl Part {
+impl Solid {
     fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
         self.positions.push(position);
         self.normals.push(normal);
@@ -67,7 +67,7 @@ impl Part {
     }
 
     /// Both shapes.
-    pub fn and(mut self, other: Part) -> Self {
+    pub fn and(mut self, other: Solid) -> Self {
         let first = self.positions.len() as u32;
         self.positions.extend(other.positions);
         self.normals.extend(other.normals);
@@ -94,8 +94,8 @@ impl Part {
 }
 
 /// A rectangle from `corner` along `u` and `v`, facing `u × v`.
-pub fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Part {
-    let mut part = Part::default();
+pub fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Solid {
+    let mut part = Solid::default();
     let normal = u.cross(v).normalize();
     let (w, h) = (u.length(), v.length());
     let a = part.vertex(corner, normal, vec2(0.0, h));
@@ -107,7 +107,7 @@ pub fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Part {
 }
 
 /// An axis-aligned box with sharp edges.
-pub fn block(min: Vec3, max: Vec3) -> Part {
+pub fn block(min: Vec3, max: Vec3) -> Solid {
     let s = max - min;
     let (x, y, z) = (s * Vec3::X, s * Vec3::Y, s * Vec3::Z);
     [
@@ -119,12 +119,12 @@ pub fn block(min: Vec3, max: Vec3) -> Part {
         quad(min, x, z),
     ]
     .into_iter()
-    .fold(Part::default(), Part::and)
+    .fold(Solid::default(), Solid::and)
 }
 
 /// A box about the origin with edges rounded by `radius` in `arc` steps. With `puff` above 0 its faces, cut in
 /// `inner`² pieces, bulge by that much like a cushion's.
-pub fn rounded_block(size: Vec3, radius: f32, arc: usize, inner: usize, puff: f32) -> Part {
+pub fn rounded_block(size: Vec3, radius: f32, arc: usize, inner: usize, puff: f32) -> Solid {
     let half = size * 0.5;
     let core = half - Vec3::splat(radius);
     // Positions along one axis of a face: where on the core, and the tangent of the angle at which the edge bends.
@@ -135,7 +135,7 @@ pub fn rounded_block(size: Vec3, radius: f32, arc: usize, inner: usize, puff: f3
         out.extend((1..=arc).map(|i| (h, bend(i))));
         out
     };
-    let mut part = Part::default();
+    let mut part = Solid::default();
     for axis in 0..3 {
         for sign in [-1.0f32, 1.0] {
             let (a, b) = if sign > 0.0 { ((axis + 1) % 3, (axis + 2) % 3) } else { ((axis + 2) % 3, (axis + 1) % 3) };
@@ -168,7 +168,7 @@ pub fn rounded_block(size: Vec3, radius: f32, arc: usize, inner: usize, puff: f3
 /// A body of revolution about +Y from a profile of (radius, height), from the axis at the bottom outwards and up (and
 /// down inside again for a vessel). Bends above 35° stay sharp. Texture coordinates: turn 0..1, and the share of the profile's
 /// length from its end.
-pub fn lathe(profile: &[Vec2], segments: u32) -> Part {
+pub fn lathe(profile: &[Vec2], segments: u32) -> Solid {
     let tangents: Vec<Vec2> = profile.windows(2).map(|w| (w[1] - w[0]).normalize()).collect();
     let outward = |t: Vec2| vec2(t.y, -t.x);
     let joint = |own: usize, other: Option<&Vec2>| match other {
@@ -176,7 +176,7 @@ pub fn lathe(profile: &[Vec2], segments: u32) -> Part {
         _ => outward(tangents[own]),
     };
     let length: f32 = profile.windows(2).map(|w| w[0].distance(w[1])).sum();
-    let mut part = Part::default();
+    let mut part = Solid::default();
     let mut along = 0.0;
     for (k, w) in profile.windows(2).enumerate() {
         let normals = [joint(k, k.checked_sub(1).and_then(|i| tangents.get(i))), joint(k, tangents.get(k + 1))];
@@ -201,7 +201,7 @@ pub fn lathe(profile: &[Vec2], segments: u32) -> Part {
 }
 
 /// A sphere about the origin; texture coordinates 0..1 as a globe's map.
-pub fn sphere(radius: f32, segments: u32) -> Part {
+pub fn sphere(radius: f32, segments: u32) -> Solid {
     let rings = segments / 2;
     let profile: Vec<Vec2> = (0..=rings)
         .map(|i| {
@@ -213,16 +213,16 @@ pub fn sphere(radius: f32, segments: u32) -> Part {
 }
 
 /// An upright cylinder with its base at the origin.
-pub fn cylinder(radius: f32, height: f32, segments: u32) -> Part {
+pub fn cylinder(radius: f32, height: f32, segments: u32) -> Solid {
     lathe(&[vec2(0.0, 0.0), vec2(radius, 0.0), vec2(radius, height), vec2(0.0, height)], segments)
 }
 
 /// A round bar along `path`, its radius given per point, with flat ends.
-pub fn tube(path: &[Vec3], radii: &[f32], segments: u32) -> Part {
+pub fn tube(path: &[Vec3], radii: &[f32], segments: u32) -> Solid {
     let last = path.len() - 1;
     let tangent = |i: usize| (path[(i + 1).min(last)] - path[i.saturating_sub(1)]).normalize();
     let mut side = tangent(0).any_orthonormal_vector();
-    let mut part = Part::default();
+    let mut part = Solid::default();
     let mut along = 0.0;
     let mut caps = [(0, Vec3::ZERO), (0, Vec3::ZERO)];
     for i in 0..=last {
@@ -263,9 +263,9 @@ pub fn tube(path: &[Vec3], radii: &[f32], segments: u32) -> Part {
 }
 
 /// A leaf from the origin along +Z, bending down by `droop` metres at its tip: closed, 2 mm thick.
-pub fn leaf(length: f32, width: f32, rise: f32, droop: f32) -> Part {
+pub fn leaf(length: f32, width: f32, rise: f32, droop: f32) -> Solid {
     const PIECES: usize = 7;
-    let mut part = Part::default();
+    let mut part = Solid::default();
     let at = |i: usize| {
         let t = i as f32 / PIECES as f32;
         let half = width * 0.5 * (std::f32::consts::PI * t.powf(0.75)).sin().max(0.0);
@@ -289,7 +289,7 @@ pub fn leaf(length: f32, width: f32, rise: f32, droop: f32) -> Part {
 }
 
 /// A hanging cloth, `width` along X and `height` down to the origin's level, with folds of depth `fold` in Z.
-pub fn curtain(width: f32, height: f32, folds: u32, fold: f32) -> Part {
+pub fn curtain(width: f32, height: f32, folds: u32, fold: f32) -> Solid {
     let count = folds * 10;
     let half_thickness = 0.0015;
     let points: Vec<Vec2> = (0..=count)
@@ -306,7 +306,7 @@ pub fn curtain(width: f32, height: f32, folds: u32, fold: f32) -> Part {
             vec2(-t.y, t.x) // towards +Z for a cloth running along +X
         })
         .collect();
-    let mut part = Part::default();
+    let mut part = Solid::default();
     let place = |p: Vec2, y: f32| vec3(p.x, y, p.y);
     let side = |i: usize, s: f32| points[i] + normals[i] * half_thickness * s;
     let mut along = 0.0;
@@ -378,7 +378,7 @@ impl Builder {
     }
 
     /// Adds a part.
-    pub fn add(&mut self, part: Part, at: Affine3A, material: u32) {
+    pub fn add(&mut self, part: Solid, at: Affine3A, material: u32) {
         let part = part.placed(at);
         let first = self.mesh.positions.len() as u32;
         self.mesh.positions.extend(part.positions);

@@ -1,6 +1,6 @@
 //! The shell that a room stands in: floor, ceiling, walls, skirting, cornice, and an opening for a window.
 
-use super::kit::{Builder, Part, block, quad};
+use super::kit::{Builder, Solid, block, quad};
 use glam::{Affine3A, Vec2, Vec3, vec3};
 
 /// A window's opening in the wall of least x.
@@ -34,7 +34,7 @@ impl Shell {
         let (min, max) = (self.min, self.max);
         let size = max - min;
         let (x, y, z) = (size * Vec3::X, size * Vec3::Y, size * Vec3::Z);
-        let mut add = |part: Part, uv: Vec2, material: u32| b.add(part.uv_scaled(uv), Affine3A::IDENTITY, material);
+        let mut add = |part: Solid, uv: Vec2, material: u32| b.add(part.uv_scaled(uv), Affine3A::IDENTITY, material);
         add(quad(min + z, x, -z), floor_uv, self.floor);
         add(quad(min + y, x, z), Vec2::ONE, self.ceiling);
         add(quad(min, x, y), wall_uv, self.walls[0]);
@@ -60,7 +60,7 @@ impl Shell {
     }
 
     /// A band along all four walls from `y0` to `y1`, `t` thick.
-    fn around(&self, y0: f32, y1: f32, t: f32) -> Part {
+    fn around(&self, y0: f32, y1: f32, t: f32) -> Solid {
         let (min, max, sink) = (self.min, self.max, 0.005);
         [
             block(vec3(min.x - sink, y0, min.z - sink), vec3(max.x + sink, y1, min.z + t)),
@@ -69,7 +69,7 @@ impl Shell {
             block(vec3(max.x - t, y0, min.z + t), vec3(max.x + sink, y1, max.z - t)),
         ]
         .into_iter()
-        .fold(Part::default(), Part::and)
+        .fold(Solid::default(), Solid::and)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Furniture of the bedroom, built as in [`furniture`](super::furniture): about the middle of its footprint, facing +Z.
 
 use super::furniture::{centred, feet, lifted, place};
-use super::kit::{Builder, Part, block, lathe, rounded_block, sphere, tube};
+use super::kit::{Builder, Solid, block, lathe, rounded_block, sphere, tube};
 use glam::{Affine3A, Vec2, Vec3, vec2, vec3};
 
 /// What a [`bed`] is made of.
@@ -23,7 +23,7 @@ pub fn bed(b: &mut Builder, at: Affine3A, look: &Bedding) {
         at * place(0.0, 0.62, 0.045, 0.0),
         look.headboard,
     );
-    let cloth = |part: Part| part.uv_scaled(Vec2::splat(3.0));
+    let cloth = |part: Solid| part.uv_scaled(Vec2::splat(3.0));
     b.add(cloth(rounded_block(vec3(1.62, 0.24, 1.96), 0.06, 3, 2, 0.0)), at * place(0.0, 0.40, 1.075, 0.0), look.sheet);
     b.add(
         cloth(rounded_block(vec3(1.79, 0.26, 1.36), 0.075, 4, 5, 0.035)),

@@ -2,7 +2,7 @@
 
 use super::kit::hash;
 use crate::image_file::srgb::linear_to_srgb;
-use crate::scene::material::{Encoding, Texture, Wrap};
+use crate::scene::material::{TexelEncoding, Texture, Wrap};
 use glam::{Vec2, Vec3, vec2, vec3};
 use std::f32::consts::{PI, TAU};
 
@@ -44,7 +44,7 @@ fn painted(size: [u32; 2], color: impl Fn(Vec2) -> Vec3) -> Texture {
         }
     }
     let wrap = [Wrap::Repeat; 2];
-    Texture { name: String::new(), size, texels, encoding: Encoding::Srgb, wrap, nearest: false }
+    Texture { name: String::new(), size, texels, encoding: TexelEncoding::Srgb, wrap, nearest: false }
 }
 
 /// Oak planks running along u: 16 rows, each of two planks, for a floor tile of 2.4 m × 2.4 m.

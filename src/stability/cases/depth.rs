@@ -3,7 +3,7 @@
 use super::{FLOOR, SEEN, SEEN_WHY, colourful, room};
 use crate::{
     Result,
-    measure::temporal::{Frames, flicker},
+    measure::sequence::{Sequence, flicker},
     panorama::{mapping::texel_direction, source::PanoramaFrame},
     passes::fault::Fault,
     stability::{
@@ -89,7 +89,7 @@ fn scale_flicker(run: &Run) -> Result<Outcome> {
     let truth = run.truth(&film, 0, 0);
     let mask = truth.concerned();
     let value = if pictures.iter().all(|picture| metric::is_finite(picture)) {
-        let frames = Frames { subject: "scale_flicker", size: film.size, frames: &pictures[8..] };
+        let frames = Sequence { subject: "scale_flicker", size: film.size, frames: &pictures[8..] };
         255.0 * flicker(frames, Some(&mask), 1.0)?
     } else {
         metric::NOT_FINITE

@@ -5,7 +5,7 @@ use crate::{
     Result,
     measure::{
         motion::{Seen, motion},
-        temporal::{Frames, ghost_energy, warped_difference},
+        sequence::{Sequence, ghost_energy, warped_difference},
     },
     passes::fault::Fault,
     stability::{
@@ -169,8 +169,8 @@ fn moving_caster(run: &Run) -> Result<Outcome> {
     let passed = |i: &usize| truths.iter().any(|truth| truth.changed(0.02)[*i]);
     let mask: Vec<bool> = (0..texels[0].len()).map(|i| floor(&i) && passed(&i)).collect();
     let value = if pictures.iter().all(|picture| metric::is_finite(picture)) {
-        let test = Frames { subject: "picture", size: film.size, frames: &pictures[frames - 8..] };
-        let truth = Frames { subject: "truth", size: film.size, frames: &texels };
+        let test = Sequence { subject: "picture", size: film.size, frames: &pictures[frames - 8..] };
+        let truth = Sequence { subject: "truth", size: film.size, frames: &texels };
         ghost_energy(test, truth, Some(&mask), 1.0)?.max(0.0)
     } else {
         metric::NOT_FINITE
@@ -244,8 +244,8 @@ fn moving_camera(run: &Run) -> Result<Outcome> {
     let mask: Vec<bool> = (0..texels[0].len()).map(|i| masks.iter().any(|mask| mask[i])).collect();
     let last = &pictures[frames - 1];
     let value = if pictures.iter().all(|picture| metric::is_finite(picture)) {
-        let test = Frames { subject: "picture", size: film.size, frames: &pictures[measured] };
-        let truth = Frames { subject: "truth", size: film.size, frames: &texels };
+        let test = Sequence { subject: "picture", size: film.size, frames: &pictures[measured] };
+        let truth = Sequence { subject: "truth", size: film.size, frames: &texels };
         (255.0 * warped_difference(test, truth, Some(&ways), Some(&mask), 1.0)?).max(0.0)
     } else {
         metric::NOT_FINITE

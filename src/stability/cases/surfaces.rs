@@ -9,7 +9,7 @@ use crate::{
         Broken, Case, Outcome, Run,
         film::Film,
         metric,
-        world::{Block, Eye, Form, Lamp, Thing, Truth, World},
+        world::{Block, Eye, Form, Lamp, Thing, World, WorldTruth},
     },
 };
 use glam::{Vec3, vec2, vec3};
@@ -203,7 +203,7 @@ fn shadow_in_mirror(run: &Run) -> Result<Outcome> {
         let sum = |texel: &[f32; 4]| texel[0] + texel[1] + texel[2];
         let darker = truth.texels.iter().zip(&as_captured.texels).map(|(new, old)| sum(new) < 0.95 * sum(old));
         let mask: Vec<bool> = darker.zip(truth.shows_things()).map(|(a, b)| a && b).collect();
-        let change = Truth { without: as_captured.texels.clone(), ..truth.clone() };
+        let change = WorldTruth { without: as_captured.texels.clone(), ..truth.clone() };
         Ok(metric::change(test, &change, &mask))
     })
 }

@@ -6,20 +6,20 @@ use crate::{
     viewer::{
         report::note,
         script::Step,
-        session::{Action, Session},
+        session::{Session, WindowRequest},
         state::{Compare, Order},
     },
 };
 use std::time::{Duration, Instant};
 use winit::dpi::PhysicalSize;
 
-/// How long a script waits for one thing, without a new picture, before it is given up.
+/// How long a script waits for one thing without a new picture before it is given up.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// How often a script looks for what it waits for.
+/// How often a script checks what it waits for.
 const LOOK: Duration = Duration::from_millis(20);
 
 impl App {
-    /// Plays the script as far as it goes; whether it is over.
+    /// Plays the script as far as it goes. Returns whether it is over.
     pub(super) fn play(&mut self) -> Result<bool> {
         let Some(script) = &mut self.options.script else { return Ok(false) };
         let Some(shell) = &self.window else { return Ok(false) };
@@ -97,13 +97,13 @@ impl App {
             }),
             Step::Size([width, height]) => {
                 if let Some(shell) = &self.window {
-                    // the answer comes as an event, or is there at once
+                    // The answer comes as an event, or is there at once.
                     let _ = shell.window.request_inner_size(PhysicalSize::new(width, height));
                 }
             }
             Step::Lose => self.lose = true,
             Step::Present(mode) => self.session.mode = mode,
-            Step::Drop(path) => self.session.actions.push(Action::Load(path)),
+            Step::Drop(path) => self.session.actions.push(WindowRequest::Load(path)),
             Step::Set { side, pair } => {
                 let (key, value) = pair.split_once('=').unwrap_or((&pair, ""));
                 self.session.sides[side].settings.set(key, value, "--script")?;
@@ -125,7 +125,7 @@ impl App {
     }
 }
 
-/// Whether what is shown is what was asked for last, and good, and objects can be put on what is seen.
+/// Whether the last request is shown, and shown well, and objects can be put on what is seen.
 fn settled(session: &Session, number: u64, frames: u32) -> bool {
     let sides = if session.compare == Compare::Single { 1 } else { 2 };
     session.editor.is_some()

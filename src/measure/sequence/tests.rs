@@ -5,14 +5,14 @@ use super::*;
 const SIZE: [u32; 2] = [24, 16];
 const PIXELS: usize = 24 * 16;
 
-type Sequence = Vec<Vec<[f32; 4]>>;
+type Pictures = Vec<Vec<[f32; 4]>>;
 
-fn frames<'a>(subject: &'a str, frames: &'a Sequence) -> Frames<'a> {
-    Frames { subject, size: SIZE, frames }
+fn frames<'a>(subject: &'a str, frames: &'a Pictures) -> Sequence<'a> {
+    Sequence { subject, size: SIZE, frames }
 }
 
 /// Frames from displayed values, so that what is measured is what is written here.
-fn sequence(count: usize, value: impl Fn(usize, usize, usize) -> f32) -> Sequence {
+fn sequence(count: usize, value: impl Fn(usize, usize, usize) -> f32) -> Pictures {
     let linear = |v: f32| crate::image_file::srgb::srgb_to_linear(v);
     let texel = |t: usize, i: usize| [0, 1, 2, 3].map(|c| linear(value(t, i % 24, i / 24) * [1.0, 0.8, 0.6, 1.0][c]));
     (0..count).map(|t| (0..PIXELS).map(|i| texel(t, i)).collect()).collect()
@@ -33,29 +33,29 @@ fn shaded(t: usize, x: usize) -> f32 {
     if t >= 4 && x < 12 { 0.3 } else { 0.7 }
 }
 
-fn step() -> Sequence {
+fn step() -> Pictures {
     sequence(40, |t, x, _| shaded(t, x))
 }
 
 /// As an exponential history shows the step.
-fn history(alpha: f32) -> Sequence {
+fn history(alpha: f32) -> Pictures {
     sequence(40, |t, x, _| {
         let made = if t < 4 { 0.0 } else { 1.0 - (1.0 - alpha).powi(t as i32 - 3) };
         shaded(0, x) + made * (shaded(4, x) - shaded(0, x))
     })
 }
 
-fn lag_of(test: &Sequence, truth: &Sequence) -> Lag {
+fn lag_of(test: &Pictures, truth: &Pictures) -> Lag {
     lag(frames("test", test), frames("truth", truth), None, 1.0).expect("can be measured")
 }
 
-fn ghost_of(test: &Sequence, truth: &Sequence) -> f64 {
+fn ghost_of(test: &Pictures, truth: &Pictures) -> f64 {
     ghost_energy(frames("test", test), frames("truth", truth), None, 1.0).expect("can be measured")
 }
 
 #[test]
 fn flicker_is_the_standard_deviation_of_what_is_displayed() {
-    let measure = |sequence: &Sequence, mask| flicker(frames("test", sequence), mask, 1.0).expect("can be measured");
+    let measure = |sequence: &Pictures, mask| flicker(frames("test", sequence), mask, 1.0).expect("can be measured");
     assert_eq!(measure(&sequence(8, |_, x, y| 0.02 * (x + y) as f32), None), 0.0);
     // ±0.1 by turns: 0.1 √(n/(n − 1))
     let turns = sequence(8, |t, _, _| if t % 2 == 0 { 0.5 } else { 0.3 });
@@ -84,7 +84,7 @@ fn lag_of_an_exponential_history() {
 #[test]
 fn lag_despite_noise_offset_and_a_truth_that_takes_its_time() {
     let truth = step();
-    let noisy = |of: &Sequence, sigma: f32, seed: usize| -> Sequence {
+    let noisy = |of: &Pictures, sigma: f32, seed: usize| -> Pictures {
         let texel = |t: usize, i: usize| {
             let add = 0.08 + sigma * noise(t, i % 24, i / 24, seed);
             of[t][i].map(|v| crate::image_file::srgb::srgb_to_linear(show(v) + add))
@@ -143,7 +143,7 @@ fn a_pattern_that_moves_as_told_is_steady() {
     let right = |speed: f32| sequence(6, move |t, x, y| pattern(x as f32 - speed * t as f32, y));
     let still = sequence(6, |_, _, _| 0.5);
     let told = |x: f32| vec![vec![[x, 0.0]; PIXELS]; 6];
-    let measure = |test: &Sequence, truth: &Sequence, motion: Option<&[Vec<[f32; 2]>]>| {
+    let measure = |test: &Pictures, truth: &Pictures, motion: Option<&[Vec<[f32; 2]>]>| {
         warped_difference(frames("test", test), frames("truth", truth), motion, None, 1.0).expect("can be measured")
     };
     let moving = right(2.0);
@@ -168,7 +168,7 @@ fn a_pattern_that_moves_as_told_is_steady() {
 #[test]
 fn what_cannot_be_compared_is_refused() {
     let good = step();
-    let refused = |test: &Sequence, mask: Option<&[bool]>, word: &str| {
+    let refused = |test: &Pictures, mask: Option<&[bool]>, word: &str| {
         let error = compare_sequence(frames("the test", test), frames("truth", &good), None, mask, 1.0);
         let text = error.expect_err(word).to_string();
         assert!(text.contains(word), "{text}");
@@ -184,7 +184,7 @@ fn what_cannot_be_compared_is_refused() {
     let one = good[..1].to_vec();
     let error = flicker(frames("the test", &one), None, 1.0).expect_err("one frame").to_string();
     assert!(error.contains("the test: has 1 frames"), "{error}");
-    let small = Frames { subject: "small", size: [24, 8], frames: &good };
+    let small = Sequence { subject: "small", size: [24, 8], frames: &good };
     let error = lag(small, frames("truth", &good), None, 1.0).expect_err("sizes").to_string();
     assert!(error.contains("small: is 24×8, truth is 24×16"), "{error}");
     let unseen = vec![vec![[f32::NAN; 2]; PIXELS]; 40];
@@ -205,7 +205,7 @@ fn all_at_once_is_each_alone() {
     assert_eq!(all.lag, Lag::Frames(7));
     assert_eq!(all.ghost_energy, ghost_energy(a, b, None, 1.0).expect("can be measured"));
     assert_eq!(all.warped_difference, warped_difference(a, b, None, None, 1.0).expect("can be measured"));
-    let json = |lag: Lag| serde_json::to_value(Temporal { lag, ..all }).expect("JSON")["lag"].clone();
+    let json = |lag: Lag| serde_json::to_value(TemporalMetrics { lag, ..all }).expect("JSON")["lag"].clone();
     assert_eq!(json(Lag::Frames(7)), serde_json::json!(7));
     assert_eq!((json(Lag::Never), json(Lag::NoChange)), (serde_json::json!("never"), serde_json::Value::Null));
 }

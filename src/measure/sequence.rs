@@ -1,30 +1,31 @@
-//! What a sequence does over time that its truth does not: flicker, lag, what the past leaves behind, unsteady motion.
+//! Measures what a sequence does over time and its truth does not: flicker, lag, ghosts of the past and
+//! unsteady motion.
 //!
-//! All is measured on displayed values, sRGB(clip(exposure · L)) in 0..1, channel by channel over the pixels of a region. The caller leaves
-//! out frames that warm the history up.
+//! All metrics take displayed values, sRGB(clip(exposure · L)) in 0..1, channel by channel over the pixels of
+//! a region. The caller leaves out the frames that warm up the history.
 
 use super::metrics::show;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 
-/// Linear radiance of successive frames, all of one size, row 0 on top.
+/// Linear radiance of successive frames of one size, row 0 on top.
 #[derive(Clone, Copy, Debug)]
-pub struct Frames<'a> {
-    /// What errors are about.
+pub struct Sequence<'a> {
+    /// What error messages call the sequence.
     pub subject: &'a str,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// RGBA of each frame; alpha is not compared.
+    /// RGBA of each frame. Alpha is not compared.
     pub frames: &'a [Vec<[f32; 4]>],
 }
 
-/// All that is measured on a sequence against its truth.
+/// All metrics of a sequence against its truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Temporal {
+pub struct TemporalMetrics {
     /// [`flicker()`] of the test.
     pub flicker: f64,
-    /// [`flicker()`] of the truth: its own noise, or motion.
+    /// [`flicker()`] of the truth, which comes from its own noise or from motion.
     pub flicker_truth: f64,
     /// [`lag()`].
     pub lag: Lag,
@@ -37,9 +38,9 @@ pub struct Temporal {
 /// How late a change is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lag {
-    /// 1 where the change is there in the very frame in which the truth has it.
+    /// The number of frames. It is 1 if the change is shown in the very frame in which the truth has it.
     Frames(u32),
-    /// Not within the sequence.
+    /// The sequence does not show the change.
     Never,
     /// The truth does not change, or by no more than its own noise from frame to frame.
     NoChange,
@@ -55,7 +56,7 @@ impl Lag {
     }
 }
 
-/// A number, "never", or null where the truth does not change.
+/// Writes a number, "never", or null if the truth does not change.
 impl Serialize for Lag {
     fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
         match self {
@@ -66,24 +67,24 @@ impl Serialize for Lag {
     }
 }
 
-/// Share of the truth's change after which it counts as made.
+/// A change counts as made after this share of it.
 const MADE: f64 = 0.9;
-/// A root mean square change of displayed values below this is none: a quarter of an 8-bit step.
+/// A root mean square change of displayed values below this is no change. It is a quarter of an 8-bit step.
 const NO_CHANGE: f64 = 1e-3;
 
-/// Everything at once; `motion` as in [`warped_difference()`].
+/// Computes all metrics. `motion` is as in [`warped_difference()`].
 ///
 /// # Errors
-/// As for each of the metrics.
+/// Fails if one of the metrics fails.
 pub fn compare_sequence(
-    test: Frames,
-    truth: Frames,
+    test: Sequence,
+    truth: Sequence,
     motion: Option<&[Vec<[f32; 2]>]>,
     mask: Option<&[bool]>,
     exposure: f32,
-) -> Result<Temporal> {
+) -> Result<TemporalMetrics> {
     let pair = Pair::new(test, truth, mask, exposure)?;
-    Ok(Temporal {
+    Ok(TemporalMetrics {
         flicker: deviation(&pair.test, &pair.inside),
         flicker_truth: deviation(&pair.truth, &pair.inside),
         lag: pair.lag(),
@@ -92,57 +93,66 @@ pub fn compare_sequence(
     })
 }
 
-/// Mean, over channels and pixels, of the standard deviation over the frames (of a sample: divided by their number less one). Of a still scene
-/// it is what is seen to flicker; where the scene changes, that counts too.
+/// The standard deviation over the frames, as the mean over channels and pixels. It is that of a sample: the
+/// sum is divided by the number of frames less one. In a still scene it is what is seen to flicker. Where the
+/// scene changes, the change counts too.
 ///
 /// # Errors
-/// Fewer than two frames, frames of another size, radiance that is not finite, a mask of another size or without a pixel.
-pub fn flicker(frames: Frames, mask: Option<&[bool]>, exposure: f32) -> Result<f64> {
+/// Fails if there are fewer than two frames, if a frame or the mask has another size, if a radiance is not
+/// finite, or if the mask has no pixel.
+pub fn flicker(frames: Sequence, mask: Option<&[bool]>, exposure: f32) -> Result<f64> {
     let inside = region(frames.size, mask)?;
     Ok(deviation(&displayed(frames, exposure)?, &inside))
 }
 
-/// Frames that the test takes until it has made 90 % of the change which the truth makes from its first frame to its last.
+/// The number of frames that the test takes until it has made 90 % of the truth's change from its first frame
+/// to its last.
 ///
-/// Progress of a frame is (frame − before)·Δ / Δ·Δ, a sum over channels and pixels with Δ = after − before of the truth: so each pixel counts by
-/// how much it should change and in that direction, a shadow that leaves one place for another does not cancel, and noise averages out. `before` is each
-/// sequence's own mean over the frames where the truth has made less than 10 %, so that a constant error is no lag; `after` the
-/// truth's mean over those where it has made 90 %. The lag is the number of the first frame of the test with a progress of 90 %, less that of
-/// the truth, plus one, and at least one. An exponential history of weight α has one of ⌈ln 0.1 / ln(1 − α)⌉ after a step.
+/// The progress of a frame is (frame − before)·Δ / Δ·Δ. The products are sums over channels and pixels, and Δ
+/// = after − before of the truth. So each pixel counts by how much it should change and in that direction, a
+/// shadow that leaves one place for another does not cancel, and noise averages out.
+///
+/// `before` is each sequence's own mean over the frames where the truth has made less than 10 % of the
+/// change, so that a constant error is no lag. `after` is the truth's mean over the frames where it has made
+/// 90 %. The lag is the number of the test's first frame with a progress of 90 %, less that of the truth,
+/// plus one. It is at least one. An exponential history of weight α has a lag of ⌈ln 0.1 / ln(1 − α)⌉ after a
+/// step.
 ///
 /// # Errors
-/// As [`flicker()`]; sequences of different lengths or sizes.
-pub fn lag(test: Frames, truth: Frames, mask: Option<&[bool]>, exposure: f32) -> Result<Lag> {
+/// Fails like [`flicker()`], or if the sequences have different lengths or sizes.
+pub fn lag(test: Sequence, truth: Sequence, mask: Option<&[bool]>, exposure: f32) -> Result<Lag> {
     Ok(Pair::new(test, truth, mask, exposure)?.lag())
 }
 
-/// How much of the past is left in the picture: the share k that makes truth + k·(past − truth) closest to the test, by least squares
-/// over all frames, each of its past frames, channels and pixels:
+/// How much of the past is left in the picture. It is the share k that makes truth + k·(past − truth) closest
+/// to the test, by least squares over all frames, all their past frames, channels and pixels:
 ///
-/// k = Σ (test_t − truth_t)·(truth_s − truth_t) / Σ |truth_s − truth_t|², sums over t and s < t.
+/// k = Σ (test_t − truth_t)·(truth_s − truth_t) / Σ |truth_s − truth_t|², with sums over t and s < t.
 ///
-/// 1 is a picture that is all past; negative is one that overshoots the change; 0 is one whose error has nothing to do with the past, as white noise has in
-/// expectation. Where the truth stands still there is no past to be left, and k is 0. Noise in the truth itself, of variance σ² where it changes by
-/// Δ, adds up to σ²/(Δ² + 2σ²): the truth should be converged.
+/// A picture that is all past has k = 1. A picture that overshoots the change has a negative k. If the error
+/// has nothing to do with the past, as white noise in expectation, k is 0. Where the truth stands still no
+/// past can be left, and k is 0. Noise in the truth itself, of variance σ² where it changes by Δ, adds σ²/(Δ²
+/// + 2σ²), so the truth should be converged.
 ///
 /// # Errors
-/// As [`lag()`].
-pub fn ghost_energy(test: Frames, truth: Frames, mask: Option<&[bool]>, exposure: f32) -> Result<f64> {
+/// Fails like [`lag()`].
+pub fn ghost_energy(test: Sequence, truth: Sequence, mask: Option<&[bool]>, exposure: f32) -> Result<f64> {
     Ok(Pair::new(test, truth, mask, exposure)?.ghost_energy())
 }
 
-/// Mean |frame_t − warp(frame_{t−1})| of the test, less that of the truth, over channels, pixels and frames from the second on. Negative where the test
-/// changes less than it should.
+/// Mean |frame_t − warp(frame_{t−1})| of the test, less that of the truth, over channels, pixels and frames
+/// from the second on. It is negative if the test changes less than it should.
 ///
-/// `motion` has, for each frame, each pixel's way to where its surface was in the frame before, in pixels to the right and down; there the
-/// former frame is read bilinearly. Not finite is a surface that was not seen; it is left out, as is what comes from outside
-/// the picture. The first frame's is not used. Without it nothing moves.
+/// `motion` has, for each frame, each pixel's way to where its surface was one frame before, in pixels to the
+/// right and down. The former frame is read there bilinearly. A way that is not finite marks a surface that
+/// was not seen before. It is left out, like all that comes from outside the picture. The motion of the first
+/// frame is not used. Without `motion` nothing moves.
 ///
 /// # Errors
-/// As [`lag()`]; motion of another length or size; no pixel that was seen before.
+/// Fails like [`lag()`], if the motion has another length or size, or if no pixel was seen before.
 pub fn warped_difference(
-    test: Frames,
-    truth: Frames,
+    test: Sequence,
+    truth: Sequence,
     motion: Option<&[Vec<[f32; 2]>]>,
     mask: Option<&[bool]>,
     exposure: f32,
@@ -150,19 +160,19 @@ pub fn warped_difference(
     Pair::new(test, truth, mask, exposure)?.warped_difference(test, motion)
 }
 
-/// Displayed values of a frame.
-type Shown = Vec<[f32; 3]>;
+/// The displayed values of a frame.
+type Displayed = Vec<[f32; 3]>;
 
 struct Pair {
     size: [u32; 2],
-    test: Vec<Shown>,
-    truth: Vec<Shown>,
-    /// The pixels that count.
+    test: Vec<Displayed>,
+    truth: Vec<Displayed>,
+    /// Indices of the pixels in the region.
     inside: Vec<usize>,
 }
 
 impl Pair {
-    fn new(test: Frames, truth: Frames, mask: Option<&[bool]>, exposure: f32) -> Result<Self> {
+    fn new(test: Sequence, truth: Sequence, mask: Option<&[bool]>, exposure: f32) -> Result<Self> {
         let problem = if test.size != truth.size {
             let ([a, b], [c, d]) = (test.size, truth.size);
             Some((format!("is {a}×{b}, {} is {c}×{d}", truth.subject), "compare pictures of one size"))
@@ -181,7 +191,8 @@ impl Pair {
 
     fn lag(&self) -> Lag {
         let last = self.truth.len() - 1;
-        // From the ends first, then from the mean of all that is like them.
+        // The first estimate takes the ends alone. The next one takes the mean of all frames that are like
+        // them.
         let mut before = vec![0];
         let mut after = vec![last];
         let mut change = Change::new(&self.truth, &before, &after, &self.inside);
@@ -193,7 +204,7 @@ impl Pair {
         after.extend((1..last).filter(|t| progress[*t] >= MADE));
         change = Change::new(&self.truth, &before, &after, &self.inside);
 
-        let reached = |frames: &[Shown], change: &Change| frames.iter().position(|f| change.progress(f) >= MADE);
+        let reached = |frames: &[Displayed], change: &Change| frames.iter().position(|f| change.progress(f) >= MADE);
         let truth = reached(&self.truth, &change).unwrap_or(last);
         change.before = mean_frame(&self.test, &before, &self.inside);
         match reached(&self.test, &change) {
@@ -203,7 +214,7 @@ impl Pair {
     }
 
     fn ghost_energy(&self) -> f64 {
-        // Σ_s<t of truth_s and of |truth_s|² make the sum over all pairs one over frames.
+        // Σ_s<t of truth_s and of |truth_s|² turn the sum over all pairs into one over frames.
         let mut past = vec![[0.0_f64; 3]; self.inside.len()];
         let (mut past_square, mut along, mut energy, mut largest) = (0.0, 0.0, 0.0, 0.0_f64);
         for (t, (test, truth)) in self.test.iter().zip(&self.truth).enumerate() {
@@ -233,7 +244,7 @@ impl Pair {
         if largest / self.samples() < NO_CHANGE * NO_CHANGE { 0.0 } else { along / energy }
     }
 
-    fn warped_difference(&self, test: Frames, motion: Option<&[Vec<[f32; 2]>]>) -> Result<f64> {
+    fn warped_difference(&self, test: Sequence, motion: Option<&[Vec<[f32; 2]>]>) -> Result<f64> {
         if let Some(motion) = motion {
             let pixels = self.truth[0].len();
             if motion.len() != self.truth.len() || motion[1..].iter().any(|m| m.len() != pixels) {
@@ -248,7 +259,7 @@ impl Pair {
                 for &i in inside {
                     let way = motion.map_or([0.0; 2], |motion| motion[t][i]);
                     let Some(taps) = taps(self.size, i, way) else { continue };
-                    let apart = |frames: &[Shown]| {
+                    let apart = |frames: &[Displayed]| {
                         let then =
                             |c: usize| taps.iter().map(|(i, w)| w * f64::from(frames[t - 1][*i][c])).sum::<f64>();
                         (0..3).map(|c| (f64::from(frames[t][i][c]) - then(c)).abs()).sum::<f64>()
@@ -274,7 +285,7 @@ impl Pair {
     }
 }
 
-/// What the truth changes, over the region.
+/// The truth's change over the region.
 struct Change<'a> {
     inside: &'a [usize],
     before: Vec<[f64; 3]>,
@@ -284,7 +295,7 @@ struct Change<'a> {
 }
 
 impl<'a> Change<'a> {
-    fn new(truth: &[Shown], before: &[usize], after: &[usize], inside: &'a [usize]) -> Self {
+    fn new(truth: &[Displayed], before: &[usize], after: &[usize], inside: &'a [usize]) -> Self {
         let before = mean_frame(truth, before, inside);
         let by: Vec<_> = (mean_frame(truth, after, inside).iter().zip(&before))
             .map(|(after, before)| [0, 1, 2].map(|c| after[c] - before[c]))
@@ -294,8 +305,9 @@ impl<'a> Change<'a> {
         Self { inside, before, by, square }
     }
 
-    /// Too small to be seen, or within the noise: the median squared difference of successive frames, the step itself left out.
-    fn is_nothing(&self, truth: &[Shown]) -> bool {
+    /// Whether the change is too small to be seen or within the noise. The noise is the median squared
+    /// difference of successive frames, without the step itself.
+    fn is_nothing(&self, truth: &[Displayed]) -> bool {
         let mut between: Vec<f64> =
             (1..truth.len()).map(|t| Self::new(truth, &[t - 1], &[t], self.inside).square).collect();
         between.sort_by(f64::total_cmp);
@@ -304,7 +316,7 @@ impl<'a> Change<'a> {
         self.square < (NO_CHANGE * NO_CHANGE * 3.0 * self.inside.len() as f64).max(2.0 * noise)
     }
 
-    fn progress(&self, frame: &Shown) -> f64 {
+    fn progress(&self, frame: &Displayed) -> f64 {
         let chunks = self.inside.par_chunks(CHUNK).zip(self.before.par_chunks(CHUNK)).zip(self.by.par_chunks(CHUNK));
         let sums = chunks.map(|((inside, before), by)| {
             let pixels = inside.iter().zip(before).zip(by);
@@ -317,22 +329,22 @@ impl<'a> Change<'a> {
     }
 }
 
-/// Pixels that one task sums: sums do not depend on the number of threads.
+/// Number of pixels that one task sums. It is fixed so that the sums do not depend on the number of threads.
 const CHUNK: usize = 4096;
 
 fn total(sums: Vec<[f64; 3]>) -> [f64; 3] {
     sums.iter().fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]])
 }
 
-/// Over the region, the mean of some of the frames.
-fn mean_frame(frames: &[Shown], which: &[usize], inside: &[usize]) -> Vec<[f64; 3]> {
+/// Mean of some of the frames, over the region.
+fn mean_frame(frames: &[Displayed], which: &[usize], inside: &[usize]) -> Vec<[f64; 3]> {
     let mean = |i: &usize| {
         [0, 1, 2].map(|c| which.iter().map(|t| f64::from(frames[*t][*i][c])).sum::<f64>() / which.len() as f64)
     };
     inside.par_iter().map(mean).collect()
 }
 
-fn deviation(frames: &[Shown], inside: &[usize]) -> f64 {
+fn deviation(frames: &[Displayed], inside: &[usize]) -> f64 {
     let n = frames.len() as f64;
     let sums = inside.par_chunks(CHUNK).map(|inside| {
         let deviation = |i: usize, c: usize| {
@@ -345,12 +357,13 @@ fn deviation(frames: &[Shown], inside: &[usize]) -> f64 {
     total(sums.collect())[0] / (3.0 * inside.len() as f64)
 }
 
-/// Where a pixel was, as pixels of the former frame and their weights; `None` outside the picture.
+/// Returns where a pixel was, as pixels of the former frame and their weights. The result is `None` outside
+/// the picture.
 fn taps([width, height]: [u32; 2], index: usize, way: [f32; 2]) -> Option<[(usize, f64); 4]> {
     let own = [index as u32 % width, index as u32 / width];
     let at = [0, 1].map(|k| f64::from(own[k]) + f64::from(way[k]));
     let last = [width, height].map(|side| f64::from(side - 1));
-    // What is not finite is not within, either.
+    // A value that is not finite is not within the picture, either.
     if !(0..2).all(|k| (0.0..=last[k]).contains(&at[k])) {
         return None;
     }
@@ -368,7 +381,7 @@ fn taps([width, height]: [u32; 2], index: usize, way: [f32; 2]) -> Option<[(usiz
     ])
 }
 
-fn displayed(of: Frames, exposure: f32) -> Result<Vec<Shown>> {
+fn displayed(of: Sequence, exposure: f32) -> Result<Vec<Displayed>> {
     let pixels = of.size[0] as usize * of.size[1] as usize;
     if of.frames.len() < 2 {
         let problem = format!("has {} frames", of.frames.len());
