@@ -1,9 +1,10 @@
-//! One error type: what failed, on which file, field or object, and what the user can do about it.
+//! The crate has one error type. An error says what failed, on which file, field or object, and what the user
+//! can do.
 
-/// What went wrong. `Display` is one line: subject, problem, remedy.
+/// Says what went wrong. `Display` gives one line: subject, problem, remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Something the user gave: unreadable input, a wrong value, an output that cannot be written.
+    /// Something that the user gave cannot be used: an unreadable input, a wrong value, an unwritable output.
     #[error("{subject}: {problem}; {remedy}")]
     Input {
         /// The file, flag or `file: field` it is about.
@@ -13,7 +14,7 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
-    /// No Vulkan device that this program can run on.
+    /// There is no Vulkan device that this program can run on.
     #[error("no usable Vulkan device: {problem}; {remedy}")]
     NoDevice {
         /// Why each candidate was refused.
@@ -21,7 +22,7 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
-    /// A Vulkan call failed; `during` names the call and the pass or resource it was for.
+    /// A Vulkan call failed.
     #[error("Vulkan: {during}: {result:?}")]
     Vulkan {
         /// The call, and the pass or resource it was for.
@@ -29,7 +30,7 @@ pub enum Error {
         /// The driver's answer.
         result: ash::vk::Result,
     },
-    /// The user stopped it; what was done is kept.
+    /// The user stopped the work. What was done is kept.
     #[error("{subject}: interrupted {at}; {remedy}")]
     Interrupted {
         /// The output.
@@ -39,21 +40,21 @@ pub enum Error {
         /// How to go on.
         remedy: String,
     },
-    /// A fault of this program: a shader and its declaration disagree, a barrier is missing.
+    /// The program has a fault: a shader and its declaration disagree, or a barrier is missing.
     #[error("internal: {0}")]
     Internal(String),
 }
 
-/// Shorthand for results of this crate.
+/// The result type of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// An [`Error::Input`].
+    /// Makes an [`Error::Input`].
     pub fn input(subject: impl ToString, problem: impl ToString, remedy: impl ToString) -> Self {
         Self::Input { subject: subject.to_string(), problem: problem.to_string(), remedy: remedy.to_string() }
     }
 
-    /// The process exit status for this error: 2 for what the user gave, 3 for no device, 1 for the rest.
+    /// Returns the process's exit status: 2 for what the user gave, 3 for no device, 1 for the rest.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } => 2,

@@ -1,4 +1,4 @@
-//! A renderer's picture as a file.
+//! Writes a renderer's picture as a file.
 
 use crate::{
     Error, Result,
@@ -12,7 +12,7 @@ use crate::{
 use glam::Vec3;
 use std::path::Path;
 
-/// What an output's name asks for.
+/// The kind of file that an output's name asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
     /// 8-bit sRGB.
@@ -22,7 +22,7 @@ pub enum FileKind {
 }
 
 impl FileKind {
-    /// From the extension.
+    /// Finds the kind by the file's extension.
     pub fn of(path: &Path) -> Result<Self> {
         match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
             Some("png") => Ok(Self::Png),
@@ -44,7 +44,7 @@ pub fn write(
     let size = renderer.options().size;
     let mut picture = renderer.picture()?;
     if kind == FileKind::Png {
-        // saturated texels that were raised on loading come down again
+        // Saturated texels that were raised on loading come down again.
         for texel in &mut picture {
             let color = scene.panorama.for_display(Vec3::new(texel[0], texel[1], texel[2]));
             texel[..3].copy_from_slice(&color.to_array());

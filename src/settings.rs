@@ -1,9 +1,10 @@
-//! Every approximation is a named setting: one table gives its default for each method, its range and its meaning.
+//! Every approximation is a named setting. One table gives its default for each method, its range and its
+//! meaning.
 
 use crate::{Error, Result};
 use std::fmt::Write;
 
-/// A setting that names one of several ways.
+/// Declares a setting that chooses one of several named ways.
 macro_rules! choices {
     ($( $(#[$doc:meta])* $name:ident { $( $variant:ident = $text:literal: $meaning:literal, )* } )*) => { $(
         $(#[$doc])*
@@ -23,7 +24,7 @@ macro_rules! choices {
 }
 
 choices! {
-    /// How the picture is made: the methods are presets of the same settings.
+    /// How the picture is made. The methods are presets of the same settings.
     Method {
         Iprt = "iprt": "the default: as good and as fast as this project knows",
         Paper = "paper": "what the paper states: screen-space tracing of virtual objects, BRDF sampling, spatial and then temporal filter, its equation 2",
@@ -47,12 +48,12 @@ choices! {
         Light = "light": "the panorama's radiance, from a table that covers all of it; never skirts",
         Mis = "mis": "lobes and lamps together, by multiple importance sampling",
     }
-    /// By what `sampling_mask` chooses.
+    /// What `sampling_mask` chooses pixels by.
     MaskBy {
         History = "history": "a regular share of the pixels, and all that are newly seen or sharp",
         Discontinuity = "discontinuity": "a ray for each pixel whose 3×3 neighbours leave its surface, for every 2×2 where its 5×5 neighbours do, for every 4×4 elsewhere",
     }
-    /// Which of the two filters comes first.
+    /// Which of the two filters runs first.
     FilterOrder {
         TemporalFirst = "temporal_first": "temporal, then atrous on the accumulated mean",
         SpatialFirst = "spatial_first": "atrous on this frame, then temporal (the paper's order)",
@@ -62,7 +63,7 @@ choices! {
         Moving = "moving": "while an object moves or the video changes",
         Always = "always": "in every frame",
     }
-    /// Whether a part of the model is there.
+    /// Whether a part of the model is used.
     Presence {
         Auto = "auto": "where the scene needs it",
         On = "on": "always",
@@ -76,10 +77,10 @@ choices! {
 }
 
 impl Method {
-    /// All, the default first.
+    /// All methods, the default first.
     pub const ALL: [Self; 4] = [Self::Iprt, Self::Paper, Self::Ibl, Self::Reference];
 
-    /// From its name on the command line or in a scene file.
+    /// Reads a method's name, as the command line or a scene file gives it.
     pub fn parse(name: &str, subject: &str) -> Result<Self> {
         let names: Vec<_> = Self::CHOICES.iter().map(|(name, _)| *name).collect();
         <Self as Value>::parse(name, [0.0; 2]).ok_or_else(|| {
@@ -87,26 +88,26 @@ impl Method {
         })
     }
 
-    /// What it is.
+    /// Describes the method.
     pub fn meaning(self) -> &'static str {
         Self::CHOICES[self as usize].1
     }
 
-    /// The name that [`Method::parse`] takes.
+    /// Returns the name that [`Method::parse`] takes.
     pub fn name(self) -> String {
         self.text()
     }
 }
 
-/// What a setting may hold.
+/// A type that a setting may have.
 trait Value: Sized {
     /// Whether it is a whole number.
     const WHOLE: bool = false;
-    /// Names and meanings of all that it may be, where these can be counted.
+    /// Names and meanings of all values, if they can be counted.
     const CHOICES: &'static [(&'static str, &'static str)] = &[];
-    /// From text, if it is in the range.
+    /// Reads a value from text. Returns `None` if it is out of range.
     fn parse(text: &str, range: [f64; 2]) -> Option<Self>;
-    /// What [`Value::parse`] takes.
+    /// Returns the text that [`Value::parse`] takes.
     fn text(&self) -> String;
 }
 
@@ -146,10 +147,10 @@ impl Value for f32 {
     }
 }
 
-/// One row of the table: how a setting is called, what it may be and what it means.
+/// One row of the table: a setting's name, its range and its meaning.
 #[derive(Clone, Copy, Debug)]
 pub struct Description {
-    /// The pass that it belongs to.
+    /// The pass that the setting belongs to.
     pub pass: &'static str,
     /// The key of `--set key=value`.
     pub name: &'static str,
@@ -157,11 +158,11 @@ pub struct Description {
     pub range: [f64; 2],
     /// Whether it is a whole number.
     pub whole: bool,
-    /// Names and meanings of what is not a number.
+    /// Names and meanings of values that are not numbers.
     pub choices: &'static [(&'static str, &'static str)],
     /// Unit, or empty.
     pub unit: &'static str,
-    /// What it does.
+    /// What the setting does.
     pub meaning: &'static str,
 }
 
@@ -171,17 +172,17 @@ macro_rules! settings {
         #[derive(Clone, Debug, PartialEq)]
         pub struct Settings {
             $( $( #[doc = $meaning] pub $name: $kind, )* )*
-            /// The names of those that [`Settings::set`] was given: the plan leaves them as they are.
+            /// The names that [`Settings::set`] was given. The plan leaves these settings as they are.
             pub given: Vec<&'static str>,
         }
 
         impl Settings {
-            /// The table that documents and parses them, in the order of the passes.
+            /// The table that documents and parses the settings, in the order of the passes.
             pub const TABLE: &'static [Description] = &[ $( $( Description {
                 pass: stringify!($pass), name: stringify!($name), range: $range, whole: <$kind as Value>::WHOLE, choices: <$kind as Value>::CHOICES, unit: $unit, meaning: $meaning,
             }, )* )* ];
 
-            /// The preset of a method.
+            /// Returns the preset of a method.
             pub fn of(method: Method) -> Self {
                 match method {
                     Method::Iprt => Self { $( $( $name: $iprt, )* )* given: Vec::new() },
@@ -191,7 +192,7 @@ macro_rules! settings {
                 }
             }
 
-            /// Every setting and its value, as text.
+            /// Returns every setting's name and its value as text.
             pub fn values(&self) -> Vec<(&'static str, String)> {
                 vec![ $( $( (stringify!($name), self.$name.text()), )* )* ]
             }
@@ -206,16 +207,16 @@ macro_rules! settings {
     };
 }
 
-/// A history length that no run reaches: accumulate for ever.
+/// A history length that no run reaches: light is accumulated for ever.
 pub const FOREVER: u32 = 1 << 24;
 
-/// What `inf` stands for in shaders, which may take real infinities for granted to be absent.
+/// Stands for `inf` in shaders, which may assume that there are no real infinities.
 const INFINITE: f32 = 1e30;
 
-/// The range of what is not a number.
+/// The range of a setting that is not a number.
 const ANY: [f64; 2] = [0.0, 0.0];
 
-// The columns of values: iprt, paper, ibl, reference.
+// The columns of values are iprt, paper, ibl, reference.
 settings! {
     plan {
         objects: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual objects, and all light that they change";
@@ -284,12 +285,13 @@ settings! {
 }
 
 impl Settings {
-    /// The value of one as text, by name.
+    /// Returns a setting's value as text.
     pub fn value(&self, name: &str) -> Option<String> {
         self.values().into_iter().find(|(known, _)| *known == name).map(|(_, value)| value)
     }
 
-    /// Sets one from text, as `--set name=value` gives it; `subject` is what an error is about.
+    /// Sets a value from text, as `--set name=value` gives it. `subject` says in an error where the text came
+    /// from.
     pub fn set(&mut self, name: &str, value: &str, subject: &str) -> Result<()> {
         let Some(row) = Self::TABLE.iter().find(|row| row.name == name) else {
             let nearest = Self::TABLE.iter().min_by_key(|row| strsim::damerau_levenshtein(row.name, name));
@@ -311,7 +313,8 @@ impl Settings {
         Err(Error::input(subject, format!("setting \"{name}\" cannot be \"{value}\""), remedy))
     }
 
-    /// The same model, converged by accumulation: every pixel traced in each frame, nothing filtered, no history dropped.
+    /// Makes the same model converge by accumulation: every pixel is traced in each frame, nothing is
+    /// filtered, and no history is dropped.
     pub fn converge(&mut self) {
         let reference = Self::of(Method::Reference);
         *self = Self {
@@ -333,7 +336,7 @@ impl Settings {
         };
     }
 
-    /// The table of all settings as Markdown, pass by pass, with a column of defaults for each method.
+    /// Writes the table of all settings as Markdown, pass by pass, with a column of defaults for each method.
     pub fn markdown() -> String {
         let mut out = String::new();
         let defaults = Method::ALL.map(|method| Self::of(method).values());
@@ -367,7 +370,7 @@ impl Settings {
 }
 
 impl Description {
-    /// What it may be, for people.
+    /// Says for people which values are allowed.
     pub fn allowed(&self) -> String {
         if !self.choices.is_empty() {
             let names: Vec<_> = self.choices.iter().map(|(name, _)| *name).collect();

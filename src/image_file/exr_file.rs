@@ -1,4 +1,4 @@
-//! OpenEXR: layers of named float channels.
+//! OpenEXR files as layers of named float channels.
 
 use super::read::{CodeImage, ColorImage, MAX_PIXELS, check_size, one_line};
 use crate::{Error, Result};
@@ -7,31 +7,32 @@ use exr::prelude::{
 };
 use std::io::{Cursor, Seek, Write};
 
-/// A layer of an OpenEXR file. Every channel has `size[0] · size[1]` values, row 0 on top.
+/// A layer of an OpenEXR file. Every channel has `size[0] · size[1]` values, with row 0 on top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrLayer {
-    /// Empty for the main layer.
+    /// The layer's name; empty for the main layer.
     pub name: String,
     pub size: [u32; 2],
-    /// Name and values.
+    /// Names and values of the channels.
     pub channels: Vec<(String, Vec<f32>)>,
 }
 
 impl ExrLayer {
-    /// An RGB layer from RGBA texels.
+    /// Makes an RGB layer from RGBA texels.
     pub fn rgb(name: &str, size: [u32; 2], texels: &[[f32; 4]]) -> Self {
         let channel = |index: usize| texels.iter().map(|texel| texel[index]).collect();
         let channels = ["R", "G", "B"].iter().enumerate().map(|(i, name)| ((*name).to_owned(), channel(i))).collect();
         Self { name: name.to_owned(), size, channels }
     }
 
-    /// The values of a channel.
+    /// Returns the values of a channel.
     pub fn channel(&self, name: &str) -> Option<&[f32]> {
         self.channels.iter().find(|(channel, _)| channel == name).map(|(_, values)| values.as_slice())
     }
 }
 
-/// Decodes all layers. Channels called `layer.channel` become layers of their own, as do the parts of a multi-part file.
+/// Decodes all layers. Channels called `layer.channel` become layers of their own, as do the parts of a
+/// multi-part file.
 pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Vec<ExrLayer>> {
     let damaged = |error: exr::error::Error| {
         Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
@@ -78,7 +79,7 @@ pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Vec<ExrLayer>> {
             }
         }
     }
-    // The main layer first, as it was most likely meant.
+    // The main layer goes first, because it was most likely meant.
     layers.sort_by_key(|layer| !layer.name.is_empty());
     Ok(layers)
 }
@@ -91,7 +92,7 @@ fn list(layers: &[ExrLayer]) -> String {
     names.take(20).collect::<Vec<_>>().join(", ")
 }
 
-/// R, G and B of the first layer that has them, else Y as grey.
+/// Returns R, G and B of the first layer that has them, else Y as grey.
 pub(super) fn color(layers: Vec<ExrLayer>, subject: &str) -> Result<ColorImage> {
     for names in [["R", "G", "B"], ["Y", "Y", "Y"]] {
         for layer in &layers {
@@ -105,7 +106,7 @@ pub(super) fn color(layers: Vec<ExrLayer>, subject: &str) -> Result<ColorImage> 
     Err(Error::input(subject, problem, "write the colour as channels R, G, B"))
 }
 
-/// The first of Y, Z, R, depth; or the only channel.
+/// Returns the first of Y, Z, R and depth, or the only channel.
 pub(super) fn codes(mut layers: Vec<ExrLayer>, subject: &str) -> Result<CodeImage> {
     for name in ["Y", "Z", "R", "depth"] {
         for layer in &mut layers {
@@ -123,8 +124,8 @@ pub(super) fn codes(mut layers: Vec<ExrLayer>, subject: &str) -> Result<CodeImag
     Err(Error::input(subject, problem, "write the depth as channel Y"))
 }
 
-/// Encodes layers of one size as single-part float EXR, losslessly compressed; channels of named layers are called
-/// `layer.channel`, which every viewer understands.
+/// Encodes layers of one size as single-part float EXR, losslessly compressed. Channels of named layers are
+/// called `layer.channel`, which every viewer understands.
 pub(super) fn encode(layers: &[ExrLayer], out: &mut (impl Write + Seek)) -> Result<()> {
     use exr::prelude::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, Layer, LayerAttributes, LineOrder};
     let internal = |problem: String| Error::Internal(format!("writing EXR: {problem}"));

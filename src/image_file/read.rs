@@ -1,14 +1,14 @@
-//! Decoding, and what a colour or a depth reader makes of the channels.
+//! Decodes image files, and picks the channels that hold colour or depth.
 
 use super::exr_file::{self, ExrLayer};
 use crate::{Error, Result, image_file::srgb::srgb_to_linear};
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use std::{io::Cursor, path::Path};
 
-/// Pixels of an image, at most (16384 × 16384).
+/// The most pixels that an image may have (16384 × 16384).
 pub const MAX_PIXELS: u64 = 1 << 28;
 
-/// Stored numbers, channels interleaved.
+/// Stored numbers, with interleaved channels.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
     U8(Vec<u8>),
@@ -19,12 +19,12 @@ pub enum Samples {
 /// A PNG, JPEG or HDR image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster {
-    /// Width, height.
+    /// Width and height.
     pub size: [u32; 2],
-    /// 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA.
+    /// 1 is grey, 2 grey and alpha, 3 RGB, 4 RGBA.
     pub channels: usize,
     pub samples: Samples,
-    /// Grey may have become slightly coloured.
+    /// Whether grey may have become slightly coloured.
     pub lossy: bool,
 }
 
@@ -35,28 +35,28 @@ pub enum FileImage {
     Exr(Vec<ExrLayer>),
 }
 
-/// Linear Rec. 709 radiance, alpha 1, row 0 on top.
+/// Linear Rec. 709 radiance with alpha 1 and row 0 on top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorImage {
     pub size: [u32; 2],
     pub texels: Vec<[f32; 4]>,
-    /// Came from 8 or 16 bits a channel, sRGB-decoded: 1 is saturated.
+    /// Whether it came from 8 or 16 bits a channel and was sRGB-decoded, so that 1 is saturated.
     pub ldr: bool,
 }
 
-/// One number a pixel.
+/// An image with one number a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodeImage {
     pub size: [u32; 2],
     pub codes: Vec<f32>,
-    /// Whole numbers (0..255, 0..65535).
+    /// Whether the numbers are whole (0..255 or 0..65535).
     pub integer: bool,
 }
 
 /// Reads a whole regular file of at most 4 GiB.
 ///
 /// # Errors
-/// Names the file.
+/// Fails if the file cannot be read, is no regular file, or is larger. The error names it.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     let fail = |problem: String| Error::input(path.display(), problem, "check the file's name and permissions");
     let metadata = std::fs::metadata(path).map_err(|error| fail(plain_io(&error)))?;
@@ -69,7 +69,7 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|error| fail(plain_io(&error)))
 }
 
-/// An I/O error in words.
+/// Puts an I/O error into words.
 pub fn plain_io(error: &std::io::Error) -> String {
     match error.kind() {
         std::io::ErrorKind::NotFound => "there is no such file".into(),
@@ -78,7 +78,7 @@ pub fn plain_io(error: &std::io::Error) -> String {
     }
 }
 
-/// The message without line breaks.
+/// Removes line breaks from a message.
 pub fn one_line(message: &impl ToString) -> String {
     message.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -86,15 +86,15 @@ pub fn one_line(message: &impl ToString) -> String {
 /// Reads an image file.
 ///
 /// # Errors
-/// Names the file: unreadable, empty, of an unknown type, damaged, too large.
+/// Fails if the file is unreadable, empty, of an unknown type, damaged or too large. The error names it.
 pub fn read(path: &Path) -> Result<FileImage> {
     decode(&read_bytes(path)?, &path.display().to_string())
 }
 
-/// Decodes an image; `subject` names it in errors.
+/// Decodes an image. `subject` names it in errors.
 ///
 /// # Errors
-/// As [`read`].
+/// Fails if the bytes are empty, of an unknown type, damaged or too large.
 pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     if bytes.is_empty() {
         return Err(Error::input(subject, "the file is empty", "write it again"));
@@ -110,7 +110,7 @@ pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     }
 }
 
-/// The answer to a video file, which this program does not decode.
+/// Makes the answer to a video file, which this program does not decode.
 pub fn video_refusal(subject: &str) -> Error {
     let remedy =
         "extract its frames, as in: ffmpeg -i video.mp4 %04d.png, and give the pattern %04d.png with frames = [a, b]";
@@ -163,10 +163,10 @@ pub(super) fn check_size(size: [u32; 2], subject: &str) -> Result<()> {
 }
 
 impl FileImage {
-    /// As linear radiance: R, G, B, or grey from Y.
+    /// Returns linear radiance from R, G and B, or grey from Y.
     ///
     /// # Errors
-    /// An EXR without such channels; its channels are listed.
+    /// Fails if an EXR has no such channels. The error lists those that it has.
     pub fn into_color(self, subject: &str) -> Result<ColorImage> {
         match self {
             Self::Raster(raster) => Ok(raster.into_color()),
@@ -174,10 +174,10 @@ impl FileImage {
         }
     }
 
-    /// As one number a pixel: grey, the luma of JPEG, or an EXR's Y, Z, R, depth, or only channel.
+    /// Returns one number a pixel: grey, the luma of a JPEG, or an EXR's Y, Z, R, depth or only channel.
     ///
     /// # Errors
-    /// A coloured PNG, or an EXR without such a channel.
+    /// Fails for a coloured PNG, and for an EXR without such a channel.
     pub fn into_codes(self, subject: &str) -> Result<CodeImage> {
         match self {
             Self::Raster(raster) => raster.into_codes(subject),

@@ -1,4 +1,5 @@
-//! Writing: beside the target first, then renamed, so that no output is ever half-written.
+//! Writes image files. A file is written beside its target and then renamed, so that no output is ever
+//! half-written.
 
 use super::{
     exr_file::{self, ExrLayer},
@@ -12,10 +13,10 @@ use std::{
     path::Path,
 };
 
-/// Writes a file through `fill`, then moves it to `path`.
+/// Writes a file with `fill`, then moves it to `path`.
 ///
 /// # Errors
-/// The folder or file cannot be written; what `fill` returns.
+/// Fails if the folder or file cannot be written, or if `fill` fails.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> Result<()>) -> Result<()> {
     let fail = |error: &std::io::Error| {
         Error::input(
@@ -31,7 +32,7 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>
     let mut builder = tempfile::Builder::new();
     builder.prefix(".iprt-");
     #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666)); // less the umask, as for any new file
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666)); // As for any new file, the umask applies.
     let mut file = builder.tempfile_in(folder).map_err(|error| fail(&error))?;
     let mut writer = BufWriter::new(file.as_file_mut());
     fill(&mut writer)?;
@@ -44,7 +45,7 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>
 /// Writes bytes.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// Fails if the folder or file cannot be written.
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically(path, |out| out.write_all(bytes).map_err(|error| write_error(path, &error)))
 }
@@ -54,26 +55,26 @@ fn write_error(path: &Path, error: &impl ToString) -> Error {
     Error::input(path.display(), problem, "free some space")
 }
 
-/// The 8-bit sRGB code of a linear value, clipped to 0..1; NaN is 0.
+/// Returns the 8-bit sRGB code of a linear value, clipped to 0..1. NaN gives 0.
 pub fn display_code(linear: f32) -> u8 {
     // The cast turns NaN into 0.
     (linear_to_srgb(linear.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8
 }
 
-/// Writes linear radiance as it is displayed: sRGB(clip(exposure · L)), 8 bits a channel, alpha left out.
+/// Writes linear radiance as it is displayed: sRGB(clip(exposure · L)), 8 bits a channel, without alpha.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// Fails if the folder or file cannot be written.
 pub fn write_display(path: &Path, size: [u32; 2], texels: &[[f32; 4]], exposure: f32) -> Result<()> {
     let bytes: Vec<u8> =
         texels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(|value| display_code(exposure * value))).collect();
     write_png(path, size, &bytes, 3)
 }
 
-/// Writes 8-bit codes as they are, `channels` (1 grey, 3 RGB, 4 RGBA) interleaved.
+/// Writes 8-bit codes as they are, with `channels` (1 grey, 3 RGB, 4 RGBA) interleaved.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// Fails if the folder or file cannot be written.
 pub fn write_png(path: &Path, size: [u32; 2], codes: &[u8], channels: usize) -> Result<()> {
     let color = match channels {
         1 => ExtendedColorType::L8,
@@ -89,10 +90,10 @@ pub fn write_png(path: &Path, size: [u32; 2], codes: &[u8], channels: usize) -> 
     })
 }
 
-/// Writes layers of one size as float EXR; the main layer has no name.
+/// Writes layers of one size as float EXR. The main layer has no name.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// Fails if the folder or file cannot be written.
 pub fn write_exr(path: &Path, layers: &[ExrLayer]) -> Result<()> {
     write_atomically(path, |out| exr_file::encode(layers, out))
 }

@@ -1,9 +1,9 @@
-//! Stored depth codes to radial metres.
+//! Turns stored depth codes into radial metres.
 
 use super::mapping::texel_direction;
 use glam::{DVec3, Vec3};
 
-/// How stored codes stand for metres.
+/// What stored codes mean in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DepthEncoding {
     /// Radial distance: scale·(v + offset).
@@ -14,25 +14,19 @@ pub enum DepthEncoding {
     Planar,
 }
 
-/// The spacing of integer codes, which limits how well a surface is known.
+/// The spacing of integer codes. It limits how well a surface is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Quantisation {
     /// Floating-point or analytic depth.
     #[default]
     None,
     /// Codes are equally spaced in 1/metres.
-    Disparity {
-        /// 1/metres per code.
-        step: f32,
-    },
+    Disparity { step: f32 },
     /// Codes are equally spaced in metres.
-    Radial {
-        /// Metres per code.
-        step: f32,
-    },
+    Radial { step: f32 },
 }
 
-/// The rule from codes to metres.
+/// The rule that turns codes into metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rule {
     pub encoding: DepthEncoding,
@@ -43,7 +37,7 @@ pub struct Rule {
 }
 
 impl Rule {
-    /// Radial metres of each code of an image of `size`; 0 is a hole.
+    /// Returns the radial metres of each code of an image of `size`. 0 is a hole.
     pub fn metres(&self, codes: &[f32], size: [u32; 2]) -> Vec<f32> {
         let metres = |(index, code): (usize, &f32)| {
             let code = f64::from(*code);
@@ -65,7 +59,7 @@ impl Rule {
         codes.iter().enumerate().map(metres).collect()
     }
 
-    /// The code spacing of integer images.
+    /// Returns the code spacing of integer images.
     pub fn quantisation(&self) -> Quantisation {
         match self.encoding {
             DepthEncoding::Disparity => Quantisation::Disparity { step: (1.0 / self.scale).abs() as f32 },
@@ -74,8 +68,8 @@ impl Rule {
     }
 }
 
-/// The radial depth of a box of `extent` around `center`, both relative to the panorama's point, seen from inside; the box
-/// is aligned with the world, the panorama turned by `yaw_degrees`.
+/// Returns the radial depth of a box seen from inside. Its extents are `extent`, and `center` is relative to
+/// the panorama's point. The box is aligned with the world, and the panorama is turned by `yaw_degrees`.
 pub fn box_depth(size: [u32; 2], extent: Vec3, center: Vec3, yaw_degrees: f64) -> Vec<f32> {
     let (low, high) = ((center - 0.5 * extent).as_dvec3(), (center + 0.5 * extent).as_dvec3());
     let exit = |direction: DVec3| {
@@ -118,7 +112,7 @@ mod tests {
         let (extent, center) = (Vec3::new(2.0, 20.0, 6.0), Vec3::new(0.5, 0.0, 0.0));
         for (yaw, expected) in [(0.0, 3.0), (90.0, 0.5), (180.0, 3.0), (270.0, 1.5)] {
             let depth = box_depth(size, extent, center, yaw);
-            let (row, column) = (64, 128); // looks forward
+            let (row, column) = (64, 128); // This texel looks forward.
             let d = super::super::mapping::panorama_to_world(texel_direction(column, row, size), yaw);
             let hit = d.as_vec3() * depth[(row * 256 + column) as usize] - center;
             assert!((hit.abs() / (0.5 * extent)).max_element() - 1.0 < 1e-5);

@@ -1,17 +1,19 @@
-//! How much of a panorama's light comes from lamps: the cells by which directions to light are drawn.
+//! How much of a panorama's light comes from lamps, measured in the cells by which light directions are
+//! drawn.
 
 use super::source::PanoramaFrame;
 use std::f64::consts::{PI, TAU};
 
-/// Columns and rows of cells, as `LIGHT_CELLS` in `light.glsl`.
+/// Columns and rows of cells. They must equal `LIGHT_CELLS` in `light.glsl`.
 pub const CELLS: [u32; 2] = [256, 128];
 
-/// As `light_cells.comp` and `light_table.comp` reckon it: the share of all light that is above the mean, of the radiance between texels
-/// that rays see.
+/// Returns the share of all light that is above the mean. `light_cells.comp` and `light_table.comp` compute
+/// it in the same way, from the interpolated radiance that rays see.
 pub fn light_share(frame: &PanoramaFrame) -> f64 {
     let [width, height] = frame.color_size;
     let luminance = |t: &[f32; 4]| 0.2126 * f64::from(t[0]) + 0.7152 * f64::from(t[1]) + 0.0722 * f64::from(t[2]);
-    // what texels, relative to the first row or column, contribute to the mean over a cell: the integrals of their bilinear weights
+    // The weight of each texel, relative to the first row or column, in the mean over a cell: the integral of
+    // its bilinear weight.
     let hats = |cell: u32, size: u32, cells: u32| {
         let [from, to] = [cell, cell + 1].map(|edge| f64::from(edge) * f64::from(size) / f64::from(cells));
         let integral = |t: f64| {
@@ -27,7 +29,7 @@ pub fn light_share(frame: &PanoramaFrame) -> f64 {
     };
     let (columns, rows) = (i64::from(width), i64::from(height));
     let texel = |x: i64, y: i64| {
-        // beyond a pole is the opposite meridian
+        // Beyond a pole lies the opposite meridian.
         let (x, y) = if (0..rows).contains(&y) { (x, y) } else { (x + columns / 2, (2 * rows - 1 - y) % (2 * rows)) };
         luminance(&frame.radiance[(y * columns + x.rem_euclid(columns)) as usize])
     };
@@ -62,14 +64,15 @@ mod tests {
     fn even_panoramas_have_no_lights() {
         assert_eq!(light_share(&panorama(|_| 0.0)), 0.0);
         assert!(light_share(&panorama(|_| 3.0)) < 1e-9);
-        // half of the sphere twice as bright: a sixth of all light is above the mean, 1.5
+        // Half of the sphere is twice as bright. The mean is 1.5, and a sixth of all light is above it.
         let share = light_share(&panorama(|i| if i < 32 * 32 { 2.0 } else { 1.0 }));
-        assert!((share - 1.0 / 6.0).abs() < 0.01, "{share}"); // but for the ramp between them
+        assert!((share - 1.0 / 6.0).abs() < 0.01, "{share}"); // The tolerance covers the ramp between the halves.
     }
 
     #[test]
     fn a_bright_texel_shines_into_its_neighbours() {
-        // as large as a cell, at the equator: of the nine cells that it reaches, its own has (3/4)² of the light
+        // The lamp is as large as a cell, at the equator. It reaches nine cells, and its own has (3/4)² of
+        // the light.
         let mut panorama = panorama(|_| 0.0);
         panorama.color_size = CELLS;
         panorama.radiance = vec![[0.0; 4]; (CELLS[0] * CELLS[1]) as usize];
@@ -77,7 +80,7 @@ mod tests {
         let sphere = 4.0 * PI;
         let cell = TAU / f64::from(CELLS[0]) * (PI / f64::from(CELLS[1])).sin();
         let mean = cell / sphere;
-        // each loses the mean, and nothing else is lit
+        // Each cell loses the mean, and nothing else is lit.
         let share = light_share(&panorama);
         assert!((share - (1.0 - 9.0 * cell * mean / cell)).abs() < 1e-3, "{share} {mean}");
     }

@@ -1,20 +1,22 @@
-//! Equirectangular pixels and directions. `phi = 2π(u − ½)`, `theta = πv`, `d = (sin θ sin φ, cos θ, −sin θ cos φ)`: the
-//! image centre looks along −Z, `u` grows to the right, `v = 0` is +Y; texel centres are at `((i + ½)/W, (j + ½)/H)`.
+//! Maps equirectangular pixels to directions: `phi = 2π(u − ½)`, `theta = πv`, `d = (sin θ sin φ, cos θ, −sin
+//! θ cos φ)`. The image's centre looks along −Z, `u` grows to the right, and `v = 0` is +Y. Texel centres are
+//! at `((i + ½)/W, (j + ½)/H)`.
 //!
-//! These are directions of the panorama's own frame; the world's is `world = rotate_y(yaw) · panorama`.
+//! Directions here belong to the panorama's own frame. In the world they are `world = rotate_y(yaw) ·
+//! panorama`.
 
 use super::source::PanoramaFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Texture coordinates (0..1) to a unit direction.
+/// Turns texture coordinates (0..1) into a unit direction.
 pub fn direction(uv: DVec2) -> DVec3 {
     let (sin_phi, cos_phi) = (TAU * (uv.x - 0.5)).sin_cos();
     let (sin_theta, cos_theta) = (PI * uv.y).sin_cos();
     DVec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi)
 }
 
-/// A direction of any length to texture coordinates (0..1); straight up and down have `u = ½`.
+/// Turns a direction of any length into texture coordinates (0..1). Straight up and down have `u = ½`.
 pub fn coordinates(direction: DVec3) -> DVec2 {
     let horizontal = direction.x.hypot(direction.z);
     let phi = if horizontal == 0.0 { 0.0 } else { direction.x.atan2(-direction.z) };
@@ -22,7 +24,7 @@ pub fn coordinates(direction: DVec3) -> DVec2 {
     DVec2::new(phi / TAU + 0.5, horizontal.atan2(direction.y) / PI)
 }
 
-/// The unit direction of the centre of texel (`column`, `row`) of an image of `size`.
+/// Returns the unit direction of the centre of texel (`column`, `row`) of an image of `size`.
 pub fn texel_direction(column: u32, row: u32, size: [u32; 2]) -> DVec3 {
     direction(DVec2::new((f64::from(column) + 0.5) / f64::from(size[0]), (f64::from(row) + 0.5) / f64::from(size[1])))
 }
@@ -37,18 +39,18 @@ pub fn coordinates_f32(direction: Vec3) -> Vec2 {
     coordinates(direction.as_dvec3()).as_vec2()
 }
 
-/// A direction of the world, as the panorama sees it.
+/// Turns a direction of the world into one of the panorama.
 pub fn world_to_panorama(direction: DVec3, yaw_degrees: f64) -> DVec3 {
     glam::DQuat::from_rotation_y(-yaw_degrees.to_radians()) * direction
 }
 
-/// A direction of the panorama, in the world.
+/// Turns a direction of the panorama into one of the world.
 pub fn panorama_to_world(direction: DVec3, yaw_degrees: f64) -> DVec3 {
     glam::DQuat::from_rotation_y(yaw_degrees.to_radians()) * direction
 }
 
-/// The texel that a column and row outside the image stand for: columns wrap; a row beyond a pole is the mirrored row
-/// half way round.
+/// Finds the texel that a column and row outside the image stand for. Columns wrap. A row beyond a pole is
+/// the mirrored row, half way round.
 pub fn wrap(column: i64, row: i64, size: [u32; 2]) -> (u32, u32) {
     let [width, height] = size.map(i64::from);
     let row = row.rem_euclid(2 * height);
@@ -56,7 +58,7 @@ pub fn wrap(column: i64, row: i64, size: [u32; 2]) -> (u32, u32) {
     (column.rem_euclid(width) as u32, row as u32)
 }
 
-/// The radiance in a direction of the panorama's frame, bilinear between texel centres.
+/// Returns the radiance in a direction of the panorama's frame, bilinear between texel centres.
 pub fn bilinear(frame: &PanoramaFrame, direction: Vec3) -> Vec3 {
     let uv = coordinates(direction.as_dvec3());
     let [width, height] = frame.color_size;

@@ -1,4 +1,4 @@
-//! The 360° RGBD video: files or memory to linear radiance and metres, and the equirectangular mapping.
+//! The 360° RGBD video. Files or memory become linear radiance and metres, on the equirectangular mapping.
 pub mod depth;
 pub mod light;
 pub mod mapping;

@@ -1,22 +1,22 @@
-//! Names of image sequences: `%d`, `%04d`.
+//! Names of image sequences, as `%d` or `%04d`.
 
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// A file name with a frame number in it, or a single file.
+/// A file name that holds a frame number, or the name of a single file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     before: String,
     after: String,
-    /// Zero-padded width; `None` where there is no number.
+    /// The zero-padded width; `None` if there is no number.
     width: Option<usize>,
 }
 
 impl Pattern {
-    /// Reads a path: at most one `%d` or `%0Nd`, and `%%` for a percent sign, in the file's name.
+    /// Reads a path. The file's name may hold one `%d` or `%0Nd`, and `%%` for a percent sign.
     ///
     /// # Errors
-    /// Another `%` or a second number.
+    /// Fails if there is another `%` or a second number.
     pub fn parse(path: &Path) -> Result<Self> {
         let text = path.to_string_lossy();
         let bad = |problem: &str| {
@@ -50,12 +50,12 @@ impl Pattern {
         (if self.width.is_some() { &mut self.after } else { &mut self.before }).push_str(text);
     }
 
-    /// Does the name hold a number?
+    /// Says whether the name holds a number.
     pub fn is_sequence(&self) -> bool {
         self.width.is_some()
     }
 
-    /// The file of frame `number`.
+    /// Returns the file of frame `number`.
     pub fn file(&self, number: u32) -> PathBuf {
         match self.width {
             Some(width) => PathBuf::from(format!("{}{number:0width$}{}", self.before, self.after)),
@@ -63,10 +63,10 @@ impl Pattern {
         }
     }
 
-    /// The numbers of the files that exist, in order.
+    /// Returns the numbers of the files that exist, in order.
     ///
     /// # Errors
-    /// The folder cannot be read.
+    /// Fails if the folder cannot be read.
     pub fn existing(&self) -> Result<Vec<u32>> {
         let path = PathBuf::from(format!("{}%{}", self.before, self.after));
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -1,4 +1,4 @@
-//! Where panorama frames come from: image files, image sequences, memory.
+//! Loads panorama frames from image files, from image sequences or from memory.
 
 use super::{
     depth::{Quantisation, Rule, box_depth},
@@ -15,37 +15,37 @@ use std::{
     sync::Arc,
 };
 
-/// One frame, equirectangular, row 0 towards +Y.
+/// One equirectangular frame. Row 0 is towards +Y.
 #[derive(Clone, Debug, Default)]
 pub struct PanoramaFrame {
     /// Width and height of `radiance`.
     pub color_size: [u32; 2],
-    /// Linear Rec. 709, alpha 1; exposure and inverse tone mapping applied. Finite, ≥ 0.
+    /// Linear Rec. 709 with alpha 1, finite and ≥ 0. Exposure and inverse tone mapping are applied.
     pub radiance: Vec<[f32; 4]>,
-    /// Width and height of `depth`, which may differ from the colour's.
+    /// Width and height of `depth`. They may differ from the colour's.
     pub depth_size: [u32; 2],
     /// Radial metres; 0 is a hole.
     pub depth: Vec<f32>,
     /// The spacing of the depth's codes.
     pub quantisation: Quantisation,
-    /// What was mended or is unusual in these files.
+    /// What was mended, or is unusual, in these files.
     pub warnings: Vec<String>,
 }
 
-/// Where depth comes from.
+/// The source of depth.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DepthSource {
-    /// An image or a pattern.
+    /// The path of an image, or a pattern.
     Files(PathBuf),
     /// A sphere of this radius, metres.
     Sphere(f32),
-    /// A box of the world seen from inside: full extents and centre, metres.
+    /// A box of the world seen from inside, with its full extents and centre in metres.
     Box { size: Vec3, center: Vec3 },
-    /// The second half of the colour image.
+    /// Depth is the second half of the colour image.
     Packed,
 }
 
-/// How colour and depth share an image; colour comes first.
+/// How colour and depth share an image. Colour comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
     Separate,
@@ -53,7 +53,7 @@ pub enum Packing {
     LeftRight,
 }
 
-/// Frames `first`, `first + step`, … up to `last`, included.
+/// The frames `first`, `first + step`, … up to and including `last`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameRange {
     pub first: u32,
@@ -61,25 +61,26 @@ pub struct FrameRange {
     pub step: u32,
 }
 
-/// The `[panorama]` of a scene file.
+/// The table `[panorama]` of a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PanoramaSpec {
-    /// An image or a pattern.
+    /// The path of an image, or a pattern.
     pub color: PathBuf,
     pub depth: DepthSource,
     pub packing: Packing,
     pub frames: Option<FrameRange>,
     /// Frames a second of a sequence.
     pub fps: f64,
-    /// Depth codes to metres.
+    /// The rule that turns depth codes into metres.
     pub rule: Rule,
     /// The capture point in the world, metres.
     pub position: Vec3,
-    /// Right-handed about +Y.
+    /// The panorama's turn, right-handed about +Y.
     pub yaw_degrees: f32,
-    /// Factor on radiance.
+    /// A factor on radiance.
     pub exposure: f32,
-    /// Linear value that a saturated LDR texel becomes (before `exposure`); 1 leaves them.
+    /// The linear value that a saturated LDR texel becomes, before `exposure`. 1 leaves such texels as they
+    /// are.
     pub inverse_tonemap: f32,
 }
 
@@ -91,9 +92,9 @@ pub struct PanoramaSource {
     pub fps: f64,
     /// The capture point in the world, metres.
     pub position: Vec3,
-    /// Right-handed about +Y: world direction = rotate_y(yaw) · panorama direction.
+    /// The panorama's turn, right-handed about +Y: world direction = rotate_y(yaw) · panorama direction.
     pub yaw_degrees: f32,
-    /// The factor by which saturated LDR texels were raised, see [`tone`]; undone where the output is LDR.
+    /// The factor by which saturated LDR texels were raised ([`tone`]). It is undone where the output is LDR.
     pub inverse_tonemap: f32,
 }
 
@@ -104,10 +105,10 @@ enum FrameSource {
 }
 
 impl PanoramaSource {
-    /// Frames made in memory.
+    /// Takes frames that were made in memory.
     ///
     /// # Errors
-    /// No frame, or arrays that do not fit their sizes.
+    /// Fails if there is no frame, or if arrays do not fit their sizes.
     pub fn from_frames(frames: Vec<PanoramaFrame>, fps: f64, position: Vec3, yaw_degrees: f32) -> Result<Self> {
         let fits = |size: [u32; 2], len: usize| len > 0 && size[0] as usize * size[1] as usize == len;
         let all_fit = |f: &PanoramaFrame| fits(f.color_size, f.radiance.len()) && fits(f.depth_size, f.depth.len());
@@ -118,7 +119,7 @@ impl PanoramaSource {
         Ok(Self { frames: FrameSource::Memory(Arc::new(frames)), fps, position, yaw_degrees, inverse_tonemap: 1.0 })
     }
 
-    /// The factor on radiance that was applied on loading.
+    /// Returns the factor on radiance that was applied on loading.
     pub fn exposure(&self) -> f32 {
         match &self.frames {
             FrameSource::Files { spec, .. } if spec.exposure > 0.0 => spec.exposure,
@@ -126,7 +127,7 @@ impl PanoramaSource {
         }
     }
 
-    /// Radiance as an LDR output shows it: what `inverse_tonemap` raised on loading comes down again.
+    /// Returns radiance as an LDR output shows it: what `inverse_tonemap` raised on loading comes down again.
     pub fn for_display(&self, radiance: Vec3) -> Vec3 {
         let exposure = self.exposure();
         if self.inverse_tonemap <= 1.0 {
@@ -135,10 +136,11 @@ impl PanoramaSource {
         tone::compress(radiance / exposure, self.inverse_tonemap) * exposure
     }
 
-    /// Frames read from files when they are asked for. Finds the files, but does not read them.
+    /// Opens frames that are read from files when they are asked for. Finds the files, but does not read
+    /// them.
     ///
     /// # Errors
-    /// A bad pattern, no frames, files that are missing.
+    /// Fails if a pattern is bad, if there are no frames, or if files are missing.
     pub fn open(spec: PanoramaSpec) -> Result<Self> {
         let color = Pattern::parse(&spec.color)?;
         let depth = match &spec.depth {
@@ -175,7 +177,7 @@ impl PanoramaSource {
         Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap })
     }
 
-    /// How many frames there are, at least 1.
+    /// Returns the number of frames, at least 1.
     pub fn frame_count(&self) -> usize {
         match &self.frames {
             FrameSource::Memory(frames) => frames.len(),
@@ -183,22 +185,22 @@ impl PanoramaSource {
         }
     }
 
-    /// The frame shown at `time_seconds`; the first before the start, the last after the end.
+    /// Returns the frame shown at `time_seconds`: the first before the start, the last after the end.
     pub fn frame_at(&self, time_seconds: f64) -> usize {
-        // A frame's own time must give that frame, also after rounding.
+        // A frame's own time must give that frame, even after rounding.
         let index = (time_seconds * self.fps + 1e-6).floor().max(0.0) as usize;
         index.min(self.frame_count() - 1)
     }
 
-    /// The time at which frame `index` starts, seconds.
+    /// Returns the time in seconds at which frame `index` starts.
     pub fn frame_time(&self, index: usize) -> f64 {
         index as f64 / self.fps
     }
 
-    /// Loads frame `index` (0-based; the last one where it is beyond the end).
+    /// Loads frame `index`, counted from 0. An index beyond the end gives the last frame.
     ///
     /// # Errors
-    /// A file that cannot be read or used.
+    /// Fails if a file cannot be read or used.
     pub fn load(&self, index: usize) -> Result<PanoramaFrame> {
         let index = index.min(self.frame_count() - 1);
         match &self.frames {
@@ -260,7 +262,7 @@ fn check_aspect(size: [u32; 2], subject: &str, warnings: &mut Vec<String>) {
     }
 }
 
-/// Mends bad texels, raises saturated ones, applies the exposure.
+/// Mends bad texels, raises saturated ones, and applies the exposure.
 fn finish_color(
     mut color: ColorImage,
     spec: &PanoramaSpec,
@@ -281,7 +283,7 @@ fn finish_color(
         if color.ldr {
             radiance = tone::expand(radiance, spec.inverse_tonemap);
         }
-        // The product must stay finite too.
+        // The product must stay finite, too.
         let [r, g, b] = (radiance * spec.exposure).min(Vec3::splat(f32::MAX)).to_array();
         *texel = [r, g, b, 1.0];
     }
@@ -295,7 +297,6 @@ fn finish_color(
     Ok(color)
 }
 
-/// Splits an image that holds colour and depth.
 fn unpack(image: FileImage, packing: Packing, subject: &str) -> Result<(ColorImage, CodeImage)> {
     let too_small = |size: [u32; 2]| {
         let problem = format!("is {}x{}, too small to hold colour and depth", size[0], size[1]);
@@ -322,7 +323,7 @@ fn unpack(image: FileImage, packing: Packing, subject: &str) -> Result<(ColorIma
                     Samples::U16(values) => Samples::U16(crop.apply(values, raster.channels)),
                     Samples::F32(values) => Samples::F32(crop.apply(values, raster.channels)),
                 };
-                // A packed PNG came from a video more often than not, so slightly coloured greys are expected.
+                // A packed PNG usually comes from a video, so slightly coloured greys are expected.
                 FileImage::Raster(Raster { size: crop.size, channels: raster.channels, samples, lossy: true })
             }
             FileImage::Exr(layers) => {

@@ -1,12 +1,13 @@
-//! Inverse tone mapping of LDR panoramas: saturated texels stand for light that the camera could not record.
+//! Inverse tone mapping of LDR panoramas. Saturated texels stand for light that the camera could not record.
 
 use glam::Vec3;
 
-/// Linear values up to here stay as they are (sRGB code 203).
+/// Linear values up to this one stay as they are (sRGB code 203).
 const KNEE: f32 = 0.6;
 
-/// Raises bright texels so that linear 1 becomes `factor` (≥ 1). With m the largest channel and x = (m − k)/(1 − k) above
-/// the knee k, m becomes k + (1 − k)·x/(1 − b·x): slope 1 at the knee, `factor` at x = 1; hue is kept.
+/// Raises bright texels so that linear 1 becomes `factor` (≥ 1), and keeps their hue. Let m be the largest
+/// channel, k the knee, and x = (m − k)/(1 − k). Above the knee m becomes k + (1 − k)·x/(1 − b·x), which has
+/// slope 1 at the knee and is `factor` at x = 1.
 pub fn expand(color: Vec3, factor: f32) -> Vec3 {
     let largest = color.max_element();
     if largest <= KNEE || factor <= 1.0 {
@@ -17,7 +18,7 @@ pub fn expand(color: Vec3, factor: f32) -> Vec3 {
     color * (expanded / largest)
 }
 
-/// Undoes [`expand`], for LDR output.
+/// Undoes [`expand`] for LDR output.
 pub fn compress(color: Vec3, factor: f32) -> Vec3 {
     let largest = color.max_element();
     if largest <= KNEE || factor <= 1.0 {

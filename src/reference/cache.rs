@@ -1,11 +1,14 @@
-//! Truths of one picture, computed once and kept in the cache folder under a hash of all that they depend on.
+//! The truths of one picture are computed once and kept in the cache folder, under a hash of all that they
+//! depend on.
 //!
-//! A truth is many small independent pictures, *batches*, each of its own seed and each a file: an interrupted run loses the batch
-//! in flight, and a run that asks for more samples adds batches to those that are there. Even and odd batches make two halves,
-//! whose difference is the truth's own noise.
+//! A truth consists of many small independent pictures, *batches*. Each has its own seed and its own file. An
+//! interrupted run loses only the batch in flight, and a run that asks for more samples adds batches. Even
+//! and odd batches make two halves, whose difference is the truth's own noise.
 //!
-//! A rare path to a small lamp (a caustic) can hold more light than all others of a pixel together. In each half a pixel's brightest batches are left out, one in four at most, as long as they are more than
-//! [`OUTLIER`] times as bright as the rest of the half's mean. What that takes away is told: [`Truth::outliers`].
+//! A rare path to a small lamp (a caustic) can hold more light than all others of a pixel together. In each
+//! half a pixel's brightest batches are left out, one in four at most, as long as they are more than
+//! [`OUTLIER`] times as bright as the mean of the rest. [`Truth::outliers`] says how much light that takes
+//! away.
 
 use super::path_trace::{PathSettings, PathTracer, hash_scene};
 use crate::{
@@ -31,9 +34,8 @@ use std::{
     sync::atomic::{AtomicBool, Ordering},
 };
 
-/// What a batch's file starts with.
 const MAGIC: &[u8] = b"iprt truth 1\n";
-/// Changes when this program computes truths otherwise without a change of a shader.
+/// Changes when this program computes truths in another way without a change of a shader.
 const VERSION: u32 = 2;
 /// Samples of a batch of scene truth.
 pub const SCENE_BATCH: u32 = 16;
@@ -41,25 +43,24 @@ pub const SCENE_BATCH: u32 = 16;
 pub const MODEL_BATCH: u32 = 16;
 /// Frames that the relit panorama of each half of model truth is accumulated for before the first batch.
 pub const MODEL_WARM_UP: u32 = 64;
-/// Added to the seed, so that no picture is held against a truth made of the same random numbers.
+/// Added to the seed, so that no picture is compared with a truth made of the same random numbers.
 const SEED: u32 = 0x7472_7574;
-/// Batches at least.
 const BATCHES: u32 = 8;
-/// A batch so many times as bright as the rest is left out.
+/// A batch that is this many times as bright as the rest is left out.
 pub const OUTLIER: f32 = 4.0;
 
-/// Where truths are kept, and when to stop.
+/// Says where truths are kept and when to stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Keep<'a> {
-    /// See [`cache_folder`](super::capture::cache_folder); nothing is kept where there is none.
+    /// The folder of truths ([`cache_folder`](super::capture::cache_folder)). Without one nothing is kept.
     pub folder: Option<&'a Path>,
-    /// Ends the work when it is set.
+    /// Ends the work once it is set.
     pub stop: &'a AtomicBool,
 }
 
 impl Keep<'_> {
     /// # Errors
-    /// [`Error::Interrupted`] where it is to stop.
+    /// Fails with [`Error::Interrupted`] if the work is to stop.
     pub fn go_on(&self, subject: &str) -> Result<()> {
         if !self.stop.load(Ordering::Relaxed) {
             return Ok(());
@@ -72,26 +73,27 @@ impl Keep<'_> {
     }
 }
 
-/// A truth with its noise.
+/// A truth and its noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Truth {
     /// Width and height, pixels.
     pub size: [u32; 2],
     /// Mean of both halves: linear radiance, RGBA, row 0 on top.
     pub radiance: Vec<[f32; 4]>,
-    /// Independent estimates with half the samples each.
+    /// Independent estimates, with half the samples each.
     pub halves: [Vec<[f32; 4]>; 2],
-    /// Samples a pixel, of both halves.
+    /// Samples a pixel, both halves together.
     pub spp: u32,
-    /// Share of the picture's luminance that was in outliers, and left out.
+    /// The share of the picture's luminance that was in outliers and is left out.
     pub outliers: f64,
 }
 
-/// Truth of the complete true scene at a time in seconds. Size, projection and seed of `options` count; `spp` is rounded up to two
-/// equal numbers of batches. `tick` is called after each sample, those that were kept included.
+/// Returns the truth of the complete true scene at a time in seconds. Of `options`, size, projection and seed
+/// count. `spp` is rounded up to two equal numbers of batches. `tick` is called after each sample, including
+/// those that were kept.
 ///
 /// # Errors
-/// As [`PathTracer::new`]; [`Error::Interrupted`].
+/// Fails as [`PathTracer::new`] does, or with [`Error::Interrupted`].
 pub fn truth_of_scene(
     gpu: &Gpu,
     scene: &CompleteScene,
@@ -131,11 +133,12 @@ pub fn truth_of_scene(
     collect(options.size, [batch, count], &name, keep, make, tick)
 }
 
-/// Truth of `iprt`'s model, `reference --model panorama`, at a time in seconds. Size, projection and seed of `options` count, and
-/// whether it has objects; the settings are those of [`Method::Reference`] with `overrides` over them.
+/// Returns the truth of `iprt`'s model (`reference --model panorama`) at a time in seconds. Of `options`,
+/// size, projection and seed count, and whether there are objects. The settings are those of
+/// [`Method::Reference`] with `overrides` over them.
 ///
 /// # Errors
-/// As [`Renderer::new`]; [`Error::Interrupted`].
+/// Fails as [`Renderer::new`] does, or with [`Error::Interrupted`].
 #[allow(clippy::too_many_arguments, reason = "each is one thing that a truth depends on")]
 pub fn truth_of_model(
     gpu: &Gpu,
@@ -157,7 +160,8 @@ pub fn truth_of_model(
     let mut hasher = hash_rendered(scene, time)?;
     hasher.update(describe(&options).as_bytes());
     let name = name(hasher, "model", batch);
-    // one renderer a half: what its relit panorama is off by is noise of that half
+    // Each half has a renderer of its own, so that the error of its relit panorama counts as noise of that
+    // half.
     let mut of_half: Option<(u32, Renderer)> = None;
     let make = |index: u32, tick: &mut dyn FnMut()| {
         let mut renderer = match of_half.take() {
@@ -182,10 +186,10 @@ pub fn truth_of_model(
     collect(options.size, [batch, count], &name, keep, make, tick)
 }
 
-/// The start of a hash of all that the renderer makes of a scene at one time: the scene and the shaders.
+/// Starts a hash of all that the renderer makes of a scene at one time: the scene and the shaders.
 ///
 /// # Errors
-/// A panorama that cannot be read.
+/// Fails if the panorama cannot be read.
 pub fn hash_rendered(scene: &Scene, time: f64) -> Result<blake3::Hasher> {
     let state = scene.at(time, time);
     let mut hasher = hash_scene(&scene.packed, &state.instances);
@@ -198,7 +202,7 @@ pub fn hash_rendered(scene: &Scene, time: f64) -> Result<blake3::Hasher> {
     Ok(hasher)
 }
 
-/// All of them as text.
+/// Returns all settings as text.
 pub fn describe(options: &RenderOptions) -> String {
     let RenderOptions { size, method: _, settings, projection, seed, without_objects } = options;
     format!("{size:?} {projection:?} {seed} {without_objects} {:?}", settings.values())
@@ -213,13 +217,13 @@ fn scene_viewpoint(options: &RenderOptions, camera: &Camera) -> Viewpoint {
     }
 }
 
-/// Samples of a batch, and an even number of batches that hold `spp`, four a half at least.
+/// Returns the samples of a batch, and an even number of batches that hold `spp`, at least four a half.
 fn batches(spp: u32, most: u32) -> [u32; 2] {
     let batch = (spp / BATCHES).clamp(1, most);
     [batch, 2 * spp.div_ceil(2 * batch).max(BATCHES / 2)]
 }
 
-/// Samples that are taken where `spp` are asked for, in batches of at most `most`.
+/// Returns how many samples are taken where `spp` are asked for, in batches of at most `most`.
 pub fn rounded(spp: u32, most: u32) -> u32 {
     let [batch, count] = batches(spp, most);
     batch * count
@@ -240,7 +244,7 @@ fn collect(
 ) -> Result<Truth> {
     let folder = keep.folder.map(|folder| folder.join(name));
     let mut all: [Vec<Vec<[f32; 4]>>; 2] = Default::default();
-    // one half after the other
+    // One half follows the other.
     for index in (0..count).step_by(2).chain((1..count).step_by(2)) {
         let file = folder.as_ref().map(|folder| folder.join(format!("{index:04}")));
         let kept = file.as_deref().and_then(|file| load(file, size));
@@ -274,7 +278,7 @@ fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// The mean over batches, outliers left out, and the sum over pixels of the luminance with them.
+/// Returns the mean over batches without outliers, and the luminance summed over pixels with outliers.
 fn mean_without_outliers(batches: &[Vec<[f32; 4]>]) -> (Vec<[f32; 4]>, f64) {
     let pixel = |index: usize| {
         let mut values: Vec<[f32; 4]> = batches.iter().map(|batch| batch[index]).collect();
@@ -314,7 +318,7 @@ fn store(file: &Path, texels: &[[f32; 4]]) -> Result<()> {
     write_bytes(file, &bytes)
 }
 
-/// `None` where there is no such batch or the file is not as it was written.
+/// Returns `None` if there is no such batch, or if the file is not as it was written.
 fn load(file: &Path, size: [u32; 2]) -> Option<Vec<[f32; 4]>> {
     if !file.exists() {
         return None;
@@ -354,7 +358,7 @@ mod tests {
         let (mean, with) = mean_without_outliers(&[grey(1.0), grey(50.0), grey(0.5), grey(1.5)]);
         assert_eq!(mean, grey(1.0));
         assert!((with - (53.0 / 4.0 + 1.0)).abs() < 1e-5, "{with}");
-        // noise is none, and of three batches nothing is an outlier
+        // There is no noise, and of three batches none is an outlier.
         assert_eq!(mean_without_outliers(&[grey(1.0), grey(3.0), grey(0.5), grey(1.5)]).0, grey(1.5));
         assert_eq!(mean_without_outliers(&[grey(1.0), grey(50.0), grey(0.0)]).0, grey(17.0));
     }

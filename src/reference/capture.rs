@@ -1,5 +1,5 @@
-//! `capture`: the RGBD panorama of a room, path-traced from a point in it. Colour is box-filtered over each texel, depth is the
-//! radial distance at its centre.
+//! Captures the RGBD panorama of a room by path tracing from a point in it. Colour is box-filtered over each
+//! texel. Depth is the radial distance at its centre.
 
 use super::{
     denoise::{self, denoise},
@@ -26,14 +26,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The colour's file name in a captured folder.
+/// The file name of the colour in a captured folder.
 pub const COLOR_FILE: &str = "color.exr";
-/// The depth's, metres in channel Y.
+/// The file name of the depth, which holds metres in channel Y.
 pub const DEPTH_FILE: &str = "depth.exr";
-/// In a cached folder: the hash of both files, written last.
+/// The file name of the hash of both files in a cached folder. It is written last.
 const CHECK_FILE: &str = "blake3";
 
-/// What can be chosen.
+/// What a capture can be made with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CaptureSettings {
     /// Width and height, texels.
@@ -42,14 +42,14 @@ pub struct CaptureSettings {
     pub samples: u32,
     /// Random seed.
     pub seed: u32,
-    /// Whether the light is filtered, see [`denoise`](mod@denoise).
+    /// Whether the light is filtered ([`denoise`](mod@denoise)).
     pub denoise: bool,
-    /// Whether to show progress on stderr.
+    /// Whether progress is shown on stderr.
     pub progress: bool,
 }
 
 impl Default for CaptureSettings {
-    /// As the built-in scenes are captured when they are first used: clean within a minute on two CPU cores.
+    /// The settings for the built-in scenes: the result is clean within a minute on two CPU cores.
     fn default() -> Self {
         Self { size: [1024, 512], samples: 12, seed: 0, denoise: true, progress: true }
     }
@@ -58,7 +58,7 @@ impl Default for CaptureSettings {
 /// Captures a room as it is at a time in seconds.
 ///
 /// # Errors
-/// A room that does not fit the device, a lost device.
+/// Fails if the room does not fit the device, or if the device is lost.
 pub fn capture(
     gpu: &Gpu,
     room: &CompleteScene,
@@ -69,11 +69,11 @@ pub fn capture(
     trace_with_bar(gpu, room, &room.at(time).instances, position, settings)
 }
 
-/// As [`capture`] at the start, kept in a folder under `cache` (see [`cache_folder`]). A file that is damaged is made again; where
-/// nothing can be written, nothing is kept.
+/// Captures a room at time 0, or reads it from a folder under `cache` ([`cache_folder`]). A damaged file is
+/// made again. If nothing can be written, nothing is kept.
 ///
 /// # Errors
-/// As [`capture`].
+/// Fails as [`capture`] does.
 pub fn capture_cached(
     gpu: &Gpu,
     room: &CompleteScene,
@@ -104,10 +104,10 @@ fn state_cached(
     Ok(frame)
 }
 
-/// A built-in room as a scene: captured, or read from the cache, with its objects in it.
+/// Makes a scene of a built-in room: captured, or read from the cache, with its objects in it.
 ///
 /// # Errors
-/// As [`capture`].
+/// Fails as [`capture`] does.
 pub fn built_in_scene(gpu: &Gpu, room: &Room, settings: &CaptureSettings) -> Result<Scene> {
     let cache = cache_folder();
     let frames = room_frames(gpu, room, settings, cache.as_deref())?;
@@ -116,11 +116,11 @@ pub fn built_in_scene(gpu: &Gpu, room: &Room, settings: &CaptureSettings) -> Res
     Scene::assemble(room.name, panorama, room.camera.clone(), room.objects.clone(), RenderSettings::default())
 }
 
-/// The frames of a built-in room's panorama: one, or those of its video at the video's size. Frames in which the room is the same
-/// are captured once.
+/// Returns the frames of a built-in room's panorama: one, or those of its video at the video's size. Frames
+/// in which the room is the same are captured once.
 ///
 /// # Errors
-/// As [`capture`].
+/// Fails as [`capture`] does.
 pub fn room_frames(
     gpu: &Gpu,
     room: &Room,
@@ -149,11 +149,11 @@ pub fn room_frames(
     Ok(frames.into_iter().map(|(_, frame)| frame).collect())
 }
 
-/// Captures one frame, or a video of so many frames, into a folder: [`COLOR_FILE`] and [`DEPTH_FILE`], or numbered files. `tick`
-/// is called after each sample.
+/// Captures one frame, or a video, into a folder: [`COLOR_FILE`] and [`DEPTH_FILE`], or numbered files.
+/// `tick` is called after each sample.
 ///
 /// # Errors
-/// As [`capture`]; what cannot be written.
+/// Fails as [`capture`] does, or if a file cannot be written.
 pub fn capture_sequence(
     gpu: &Gpu,
     room: &CompleteScene,
@@ -165,7 +165,7 @@ pub fn capture_sequence(
 ) -> Result<()> {
     for index in 0..frames.unwrap_or(1) {
         let state = room.at(room.frame_time(index)).instances;
-        // other noise in each frame, as a camera has
+        // Each frame has noise of its own, as a camera's has.
         let settings = CaptureSettings { seed: settings.seed.wrapping_add(index), ..*settings };
         let frame = trace(gpu, room, &state, position, &settings, &mut tick)?;
         let name = |pattern: &str| match frames {
@@ -177,10 +177,11 @@ pub fn capture_sequence(
     Ok(())
 }
 
-/// The scene file for what [`capture_sequence`] writes into `folder`; `room` is the glTF file of the room, where there is one.
+/// Writes the scene file for what [`capture_sequence`] writes into `folder`. `room` is the glTF file of the
+/// room, if there is one.
 ///
 /// # Errors
-/// Paths that a scene file cannot hold.
+/// Fails if a scene file cannot hold a path.
 pub fn scene_file(folder: &Path, room: Option<&Path>, position: Vec3, frames: Option<u32>, fps: f64) -> Result<String> {
     let (stem, sequence) = match frames {
         Some(count) => ("_%04d", format!("frames = [0, {}]\nfps = {fps}\n", count - 1)),
@@ -203,17 +204,17 @@ pub fn scene_file(folder: &Path, room: Option<&Path>, position: Vec3, frames: Op
         let Some(relative) = relative.to_str() else {
             return Err(Error::input(relative.display(), "is no Unicode text", "rename the room's file"));
         };
-        // a scene file takes $NAME from the environment
+        // A scene file takes $NAME from the environment.
         let quoted = toml::Value::String(relative.replace('$', "$$"));
         text += &format!("\n[room]\ngltf = {quoted}\n");
     }
     Ok(text)
 }
 
-/// Writes [`COLOR_FILE`] and [`DEPTH_FILE`] into a folder, which is made where it does not exist.
+/// Writes [`COLOR_FILE`] and [`DEPTH_FILE`] into a folder, which is made if it does not exist.
 ///
 /// # Errors
-/// What cannot be written.
+/// Fails if the folder or a file cannot be written.
 pub fn write(frame: &PanoramaFrame, folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
         Error::input(folder.display(), format!("cannot be made: {error}"), "give a folder that can be written")
@@ -268,7 +269,7 @@ fn trace(
     })
 }
 
-/// `$IPRT_CACHE`, or `iprt` in the user's cache folder, where there is one.
+/// Returns `$IPRT_CACHE`, or else `iprt` in the user's cache folder if there is one.
 pub fn cache_folder() -> Option<PathBuf> {
     env::var_os("IPRT_CACHE")
         .filter(|path| !path.is_empty())
@@ -296,7 +297,7 @@ fn store_cached(folder: &Path, frame: &PanoramaFrame) -> Result<()> {
     write_bytes(&folder.join(CHECK_FILE), check_sum(&color, &depth).as_bytes())
 }
 
-/// `None` where there is no such capture or its files are not as they were written.
+/// Returns `None` if there is no such capture, or if its files are not as they were written.
 fn load_cached(folder: &Path) -> Option<PanoramaFrame> {
     if !folder.join(CHECK_FILE).exists() {
         return None;

@@ -1,32 +1,31 @@
-//! An edge-avoiding filter for captured panoramas: à-trous wavelets (Dammertz et al. 2010) over irradiance, guided by
-//! geometry and by the variance of the samples, as SVGF does (Schied et al. 2017).
+//! An edge-avoiding filter for captured panoramas: à-trous wavelets (Dammertz et al. 2010) over irradiance.
+//! Geometry and the variance of the samples guide it, as in SVGF (Schied et al. 2017).
 //!
-//! What a path tracer leaves at a few dozen samples is noise in the light, not in the picture: reflected radiance is
-//! divided by the albedo, filtered, and multiplied again, so that textures keep every texel. Emission seen directly is left as it
-//! is, and so is, in a texel on a silhouette, what the other surface sends, except that outliers are cut. The result is slightly biased
-//! where light changes faster than its variance shows.
+//! After a few dozen samples a path tracer leaves noise in the light, not in the textures. Reflected radiance
+//! is therefore divided by the albedo, filtered, and multiplied again. Emission that is seen directly is left
+//! as it is. So is the other surface's light in a texel on a silhouette, except that outliers are cut. The
+//! result is slightly biased where light changes faster than its variance shows.
 
 use super::path_trace::Sums;
 use crate::scene::viewpoint::{Projection, Viewpoint};
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
-/// Levels of the filter; the last spans 129×129 texels.
+/// Levels of the filter. The last one spans 129×129 texels.
 const LEVELS: u32 = 6;
-/// The same for what mirrors show: no geometry guides there, and wider levels would blur it away.
+/// Levels for what mirrors show. No geometry guides there, and wider levels would blur it away.
 const MIRROR_LEVELS: u32 = 2;
-/// Luminance differences of so many standard errors are taken for light, not noise.
+/// Luminance differences of this many standard errors are taken for light, not for noise.
 const SIGMA: f32 = 3.0;
 /// The same on the first level, which has to swallow single outliers.
 const FIRST_SIGMA: f32 = 12.0;
-/// Changes when the filter does: part of what names a cached panorama.
+/// Changes when the filter does. It is part of what names a cached panorama.
 pub const VERSION: u32 = 4;
 
 #[derive(Clone, Copy, Default)]
 struct Texel {
     /// Radiance over albedo.
     light: Vec3,
-    /// Variance of the mean's luminance.
     variance: f32,
 }
 
@@ -35,18 +34,19 @@ struct Guide {
     position: Vec3,
     normal: Vec3,
     distance: f32,
-    /// Share of the samples that met the surface at the centre; 0: nothing to filter.
+    /// Share of the samples that met the surface at the centre. At 0 there is nothing to filter.
     purity: f32,
-    /// Has no diffuse albedo, but reflects: what it shows is filtered as it is, and with nothing else.
+    /// The surface has no diffuse albedo, but reflects. What it shows is filtered as it is, and with nothing
+    /// else.
     mirror: bool,
 }
 
-/// Filtered radiance of an equirectangular picture, alpha 1.
+/// Returns the filtered radiance of an equirectangular picture, with alpha 1.
 pub fn denoise(sums: &Sums) -> Vec<[f32; 4]> {
     denoise_view(sums, &Viewpoint::equirect(Vec3::ZERO, Quat::IDENTITY))
 }
 
-/// Filtered radiance of a picture from `viewpoint`, alpha 1.
+/// Returns the filtered radiance of a picture from `viewpoint`, with alpha 1.
 pub fn denoise_view(sums: &Sums, viewpoint: &Viewpoint) -> Vec<[f32; 4]> {
     let (width, panorama) = (sums.size[0], viewpoint.projection == Projection::Equirect);
     let n = sums.samples.max(1) as f32;
@@ -78,8 +78,8 @@ pub fn denoise_view(sums: &Sums, viewpoint: &Viewpoint) -> Vec<[f32; 4]> {
     for level in 0..LEVELS {
         texels = filter(&texels, &guides, sums.size, panorama, level, true);
     }
-    // Outliers, all of them bright, find few neighbours like them: their light would be lost. What the filter took is spread
-    // over the surface instead.
+    // Outliers are bright and find few neighbours like them, so their light would be lost. What the filter
+    // took is spread over the surface instead.
     let taken = |(raw, kept): (&Texel, &Texel)| Texel { light: raw.light - kept.light, ..Default::default() };
     let mut residual: Vec<Texel> = raw.iter().zip(&texels).map(taken).collect();
     for level in 0..LEVELS {
@@ -112,8 +112,8 @@ fn is_mirror(sums: &Sums, index: usize) -> bool {
     r.max(g).max(b) > 0.0 && dr.max(dg).max(db) <= 1e-4 * count
 }
 
-/// On a silhouette, where two surfaces share a texel and the light of one is not filtered: no brighter than the texels around
-/// that show one surface each.
+/// Cuts the light on a silhouette, where two surfaces share a texel and the light of one is not filtered. It
+/// becomes no brighter than in the texels around that show one surface each.
 fn at_most_neighbours(
     index: usize,
     values: &[Vec3],
@@ -139,7 +139,8 @@ fn luminance(color: Vec3) -> f32 {
     color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// One level; `panorama`: columns wrap and crowd at the poles; `by_light`: stop at steps in the light, not only at those of the geometry.
+/// Runs one level. With `panorama` columns wrap and crowd at the poles. With `by_light` the filter stops at
+/// steps in the light, not only at those of the geometry.
 fn filter(
     texels: &[Texel],
     guides: &[Guide],
@@ -159,11 +160,12 @@ fn filter(
         if g.purity == 0.0 || (g.mirror && level >= MIRROR_LEVELS) {
             return p;
         }
-        // Columns crowd towards the poles: step over as many as span the same angle, as soon as those between are mixed in.
+        // Columns crowd towards the poles. Step over as many as span the same angle, once those between are
+        // mixed in.
         let sine = if panorama { (std::f32::consts::PI * (y as f32 + 0.5) / height as f32).sin() } else { 1.0 };
         let stride = ((step as f32 / sine).round() as i64).min(3_i64.pow(level)).min(width / 5).max(1);
         let (mut variance, mut total) = (0.0, 0.0);
-        // A few samples tell little about their own variance: the first level asks the neighbourhood.
+        // A few samples say little about their own variance, so the first level asks the neighbourhood.
         let reach = if level == 0 { 3 } else { 1 };
         for dy in -reach..=reach {
             for dx in -reach..=reach {
@@ -215,8 +217,8 @@ mod tests {
     const SIZE: [u32; 2] = [128, 64];
     const SAMPLES: u32 = 16;
 
-    /// The inside of a unit sphere under light of 1 (on its right half 3), with a chequered albedo; every sample is 0 or
-    /// twice the light.
+    /// Makes the inside of a unit sphere under light of 1 (on its right half 3), with a chequered albedo.
+    /// Every sample is 0 or twice the light.
     fn sums() -> (Sums, Vec<f32>) {
         let mut sums = Sums { size: SIZE, samples: SAMPLES, ..Default::default() };
         let mut truth = Vec::new();
@@ -245,7 +247,7 @@ mod tests {
             (picture.iter().zip(&truth).map(square).sum::<f64>() / truth.len() as f64).sqrt()
         };
         let (raw, filtered) = (sums.radiance(), denoise(&sums));
-        // measured: 0.250 to 0.078, most of that at the step in the light
+        // Measured: 0.250 to 0.078, most of it at the step in the light.
         assert!(error(&raw) > 0.2 && error(&filtered) < 0.1, "{} to {}", error(&raw), error(&filtered));
         let mean = |picture: &[[f32; 4]]| picture.iter().map(|c| f64::from(c[1])).sum::<f64>();
         assert!((mean(&filtered) / mean(&raw) - 1.0).abs() < 0.01);
@@ -269,7 +271,7 @@ mod tests {
             (range.map(|i| f64::from(filtered[i][1] / truth(i) - 1.0).powi(2)).sum::<f64>() / length).sqrt()
         };
         let (mirror, wall) = (error(lower.clone(), &|_| 1.0), error(0..lower.start, &|i| truth[i]));
-        // measured: 0.250 to 0.060, and 0.077
+        // Measured: 0.250 to 0.060, and 0.077.
         assert!(mirror < 0.07 && wall < 0.1, "mirror {mirror}, wall {wall}");
     }
 

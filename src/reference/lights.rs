@@ -7,7 +7,7 @@ use crate::{
 use glam::{Vec3, vec3};
 
 gpu_struct! {
-    /// `Light` in `path_trace.comp`. `below`: the probability of all lights before this one.
+    /// A `Light` of `path_trace.comp`. `below` is the probability of all lights before this one.
     pub struct Light { pub instance: u32, pub triangle: u32, pub below: f32, pub padding: u32 }
 }
 
@@ -15,11 +15,12 @@ gpu_struct! {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneLights {
     pub lights: Vec<Light>,
-    /// Σ area · luminance, m² · radiance; a point of a light is found with a density per area of luminance / power.
+    /// Σ area · luminance, m² · radiance. A point of a light is found with a density per area of luminance /
+    /// power.
     pub power: f64,
 }
 
-/// Collects the lights. Textured emission counts with its factor, an upper bound.
+/// Collects the lights. Textured emission counts with its factor, which is an upper bound.
 pub fn light_table(scene: &PackedScene, state: &PackedInstances) -> SceneLights {
     let mut lights = Vec::new();
     let mut weights = Vec::new();
@@ -46,7 +47,7 @@ fn luminance(color: Vec3) -> f32 {
     color.dot(vec3(0.2126, 0.7152, 0.0722))
 }
 
-/// World-space area of a triangle, m².
+/// Returns the world-space area of a triangle, m².
 fn area(scene: &PackedScene, instance: &Instance, triangle: u32) -> f64 {
     let shape = scene.triangles[triangle as usize];
     let world = |edge: Vec3| {
@@ -56,7 +57,6 @@ fn area(scene: &PackedScene, instance: &Instance, triangle: u32) -> f64 {
     0.5 * world(shape.e1).cross(world(shape.e2)).length()
 }
 
-/// The triangles of the bottom level under `root`, ascending.
 fn triangles_below(scene: &PackedScene, root: u32) -> Vec<u32> {
     let mut found = Vec::new();
     let mut stack = vec![root];
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
     use crate::scene::packed::{BvhNode, PackedMaterial, TriangleGeometry, TriangleShading};
 
-    /// Triangles of these legs (area ½ leg²), each of its own material that shines with `radiance`.
+    /// Makes triangles of these legs (area ½ leg²), each of its own material that shines with `radiance`.
     fn scene(triangles: &[(f32, f32)]) -> (PackedScene, PackedInstances) {
         let count = triangles.len() as u32;
         let scene = PackedScene {

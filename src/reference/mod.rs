@@ -1,4 +1,5 @@
-//! What results are measured against: scene truth by path tracing, and the panoramas of synthetic rooms made with it.
+//! The truths that results are compared with: path-traced scenes, and panoramas of synthetic rooms made with
+//! the same tracer.
 
 pub mod cache;
 pub mod capture;

@@ -1,6 +1,7 @@
-//! Scene truth: a path tracer over a complete scene (`path_trace.comp`), one sample a pixel at a time.
+//! Scene truth. A path tracer (`path_trace.comp`) runs over a complete scene, one sample a pixel at a time.
 //!
-//! Sums do not drift: the device adds up [`BATCH`] samples in single precision, the host adds batches in double.
+//! Sums do not drift: the device adds [`BATCH`] samples in single precision, and the host adds batches in
+//! double.
 
 use super::lights::{Light, light_table};
 use crate::{
@@ -17,41 +18,42 @@ use crate::{
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Pixels of one dispatch: a fraction of a second on a CPU, so that no driver's watchdog bites and the terminal stays alive.
+/// Pixels of one dispatch. On a CPU it takes a fraction of a second, so no driver's watchdog bites and the
+/// terminal stays alive.
 const PIXELS_PER_DISPATCH: u32 = 1 << 16;
 
 /// Samples that are summed in single precision.
 pub const BATCH: u32 = 32;
 
-/// What finds the surfaces that shine.
+/// How surfaces that shine are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightSampling {
-    /// Points on them and the lobes' own directions, weighed against each other (Veach 1997).
+    /// By points on them and by the lobes' own directions, weighed against each other (Veach 1997).
     #[default]
     Mis,
-    /// Points on them alone, but for what mirrors show.
+    /// By points on them alone, except for what mirrors show.
     Lights,
-    /// The lobes' directions alone.
+    /// By the lobes' directions alone.
     Lobes,
 }
 
-/// What can be chosen.
+/// What a path tracer can be made with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSettings {
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
     /// Random seed.
     pub seed: u32,
-    /// Bounces of a path, at most: 0 is emission alone, 1 adds direct light.
+    /// The most bounces of a path: 0 is emission alone, 1 adds direct light.
     pub bounces: u32,
-    /// Bounces before a path may be ended at random (Russian roulette).
+    /// Bounces before a path may end at random (Russian roulette).
     pub roulette: u32,
-    /// All three give the same picture, with other noise.
+    /// All three give the same picture, with different noise.
     pub sampling: LightSampling,
 }
 
 impl PathSettings {
-    /// All bounces: Russian roulette alone ends paths.
+    /// Settings for all bounces: only Russian roulette ends paths.
     pub fn unbiased(size: [u32; 2], seed: u32) -> Self {
         Self { size, seed, bounces: u32::MAX, roulette: 3, sampling: LightSampling::Mis }
     }
@@ -64,10 +66,10 @@ gpu_struct! {
     }
 }
 
-/// The images that are summed over samples: the first of [`PathTracer`]'s.
+/// The number of images that are summed over samples. They are the first of [`PathTracer`]'s images.
 const SUMMED: usize = 3;
 
-/// Sums over samples, per pixel from the top left, as `path_trace.comp` explains them.
+/// Sums over samples for each pixel, from the top left. `path_trace.comp` explains them.
 #[derive(Clone, Debug, Default)]
 pub struct Sums {
     /// Width and height.
@@ -80,12 +82,12 @@ pub struct Sums {
     pub other: Vec<[f32; 4]>,
     /// Lambert albedo of the surface at the centre; w: squared luminance of all radiance.
     pub albedo: Vec<[f32; 4]>,
-    /// Normal at the pixel's centre and distance in metres (0: nothing there); not summed.
+    /// Normal at the pixel's centre and distance in metres (0: nothing is there). These are not summed.
     pub centre: Vec<[f32; 4]>,
 }
 
 impl Sums {
-    /// Mean radiance, box-filtered over the pixel; alpha 1.
+    /// Returns mean radiance, box-filtered over the pixel, with alpha 1.
     pub fn radiance(&self) -> Vec<[f32; 4]> {
         let scale = 1.0 / self.samples.max(1) as f32;
         let mean =
@@ -93,8 +95,8 @@ impl Sums {
         self.reflected.iter().zip(&self.other).map(mean).collect()
     }
 
-    /// Standard error of the pixels' mean luminance, as a share of the picture's mean (root mean square over pixels).
-    /// Stratification makes the true error smaller.
+    /// Returns the standard error of the pixels' mean luminance (root mean square over pixels), as a share of
+    /// the picture's mean. Stratification makes the true error smaller.
     pub fn relative_noise(&self) -> f64 {
         let n = f64::from(self.samples);
         let luminance = |c: [f32; 4]| 0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2]);
@@ -109,7 +111,7 @@ impl Sums {
     }
 }
 
-/// A picture being converged.
+/// A picture that is converging.
 pub struct PathTracer {
     gpu: Gpu,
     kernel: Kernel,
@@ -119,21 +121,21 @@ pub struct PathTracer {
     lights: Buffer,
     punctual: Buffer,
     push: Push,
-    /// Sums since the last whole batch, and what is at pixels' centres.
+    /// Sums since the last whole batch, and what is at the pixels' centres.
     images: [(&'static str, Image); 4],
-    /// Sums of whole batches; empty before the first.
+    /// Sums of whole batches; empty before the first one.
     batches: [Vec<[f64; 4]>; SUMMED],
     samples: u32,
-    /// Of the scene and where it is seen from.
+    /// The hash of the scene and of the place it is seen from.
     scene_hash: blake3::Hasher,
 }
 
 impl PathTracer {
-    /// Uploads a scene as it is at one time. Positions of `viewpoint` are relative to `centre` (world, metres), which keeps
-    /// them small where the scene lies far from the origin.
+    /// Uploads a scene as it is at one time. Positions of `viewpoint` are relative to `centre` (world,
+    /// metres). That keeps them small if the scene lies far from the origin.
     ///
     /// # Errors
-    /// What does not fit the device; a picture without pixels.
+    /// Fails if something does not fit the device, or if the picture has no pixels.
     pub fn new(
         gpu: &Gpu,
         scene: &PackedScene,
@@ -187,7 +189,7 @@ impl PathTracer {
     /// Adds one sample to every pixel.
     ///
     /// # Errors
-    /// A lost device.
+    /// Fails if the device is lost.
     pub fn sample(&mut self) -> Result<()> {
         let fresh = u32::from(self.samples.is_multiple_of(BATCH));
         if fresh == 1 && self.samples > 0 {
@@ -212,12 +214,13 @@ impl PathTracer {
         Ok(())
     }
 
-    /// Samples a pixel so far.
+    /// Returns the number of samples a pixel so far.
     pub fn samples(&self) -> u32 {
         self.samples
     }
 
-    /// What the picture depends on, but for the number of samples: the scene and all that was chosen.
+    /// Returns a hash of what the picture depends on, without the number of samples: the scene and all
+    /// settings.
     pub fn hash(&self) -> [u8; 32] {
         let view = ViewData { frame: 0, ..self.view };
         let mut hasher = self.scene_hash.clone();
@@ -234,7 +237,7 @@ impl PathTracer {
     /// Copies the sums back.
     ///
     /// # Errors
-    /// A lost device.
+    /// Fails if the device is lost.
     pub fn read(&self) -> Result<Sums> {
         let sum = |index: usize| -> Result<Vec<[f32; 4]>> {
             let mut sums = self.device_sums(index)?;
@@ -257,10 +260,10 @@ impl PathTracer {
         })
     }
 
-    /// All that [`PathTracer::restore`] needs to go on as if nothing had happened.
+    /// Returns all that [`PathTracer::restore`] needs to go on as if nothing had happened.
     ///
     /// # Errors
-    /// A lost device.
+    /// Fails if the device is lost.
     pub fn save(&self) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         bytes.extend(self.hash());
@@ -274,11 +277,11 @@ impl PathTracer {
         Ok(bytes)
     }
 
-    /// Goes on where another tracer of the same scene and settings was saved. False where it was of another, or where the bytes
-    /// are not what was saved; then nothing is changed.
+    /// Goes on where another tracer of the same scene and settings was saved. Returns false, and changes
+    /// nothing, if it was another scene or setting, or if the bytes are not what was saved.
     ///
     /// # Errors
-    /// A lost device.
+    /// Fails if the device is lost.
     pub fn restore(&mut self, saved: &[u8]) -> Result<bool> {
         let pixels = self.view.size[0] as usize * self.view.size[1] as usize;
         let Some((hash, rest)) = saved.split_first_chunk::<32>() else { return Ok(false) };
@@ -316,7 +319,7 @@ impl PathTracer {
     }
 }
 
-/// The start of a name for what is computed from a scene at one time: the scene and this code.
+/// Starts a hash that names what is computed from a scene at one time: the scene and this code.
 pub(super) fn hash_scene(scene: &PackedScene, state: &PackedInstances) -> blake3::Hasher {
     let mut hasher = blake3::Hasher::new();
     let mut part = |bytes: &[u8]| {

@@ -1,7 +1,8 @@
-//! Scene truth until it has so many samples or so little noise, with what is done kept in a file beside the picture.
+//! Converges scene truth to a number of samples or a level of noise, and keeps what is done in a file beside
+//! the picture.
 //!
-//! A state holds the very sums, so that a run that was interrupted and resumed gives the same bits as one that was not. It names
-//! the scene and the settings by a hash, and holds a hash of itself.
+//! A state holds the very sums, so an interrupted and resumed run gives the same bits as one that was not
+//! interrupted. It names the scene and the settings by a hash, and holds a hash of itself.
 
 use super::path_trace::{PathSettings, PathTracer};
 use crate::{
@@ -22,37 +23,38 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// What a state starts with.
 const MAGIC: &[u8] = b"iprt scene truth 1\n";
-/// Noise is compared with the goal at multiples of so many samples, whatever the clock says: the same goal, the same bits.
+/// Noise is compared with the goal at multiples of this many samples, whatever the clock says. The same goal
+/// therefore gives the same bits.
 pub const NOISE_EVERY: u32 = 16;
 const SAVE_EVERY: Duration = Duration::from_secs(60);
 const SHOW_EVERY: Duration = Duration::from_secs(3);
 
-/// When a picture is done: whichever comes first.
+/// When a picture is done: at whichever of the two comes first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
-    /// So many samples a pixel.
+    /// This many samples a pixel.
     pub samples: u32,
-    /// A standard error of so much of the mean, see [`Sums::relative_noise`](super::path_trace::Sums::relative_noise).
+    /// A standard error of this share of the mean
+    /// ([`Sums::relative_noise`](super::path_trace::Sums::relative_noise)).
     pub noise: Option<f64>,
 }
 
-/// How it ended.
+/// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     Reached,
     Interrupted,
 }
 
-/// Where the state of a picture is kept.
+/// Returns the path of a picture's state.
 pub fn state_path(picture: &Path) -> PathBuf {
     let mut name = OsString::from(picture);
     name.push(".state");
     name.into()
 }
 
-/// Where the scene's own camera sees it from in frame `frame`, with the camera at the origin.
+/// Returns where the scene's own camera sees it from in frame `frame`, with the camera at the origin.
 pub fn viewpoint(scene: &CompleteScene, projection: Projection, size: [u32; 2], frame: u32) -> Viewpoint {
     let camera = scene.camera.at(scene.frame_time(frame));
     match projection {
@@ -61,10 +63,10 @@ pub fn viewpoint(scene: &CompleteScene, projection: Projection, size: [u32; 2], 
     }
 }
 
-/// The tracer of that picture, all bounces.
+/// Makes the tracer of that picture, with all bounces.
 ///
 /// # Errors
-/// As [`PathTracer::new`].
+/// Fails as [`PathTracer::new`] does.
 pub fn tracer(
     gpu: &Gpu,
     scene: &CompleteScene,
@@ -79,11 +81,11 @@ pub fn tracer(
     PathTracer::new(gpu, &scene.packed, &state.instances, state.camera.position, &viewpoint, &settings)
 }
 
-/// Takes samples until the goal is reached or `stop` is set. The state is written to `state` once a minute and on interruption.
-/// `progress` is told the samples so far and, every few seconds, the noise.
+/// Takes samples until the goal is reached or `stop` is set. Writes the state to `state` once a minute and on
+/// interruption. Tells `progress` the samples so far and, every few seconds, the noise.
 ///
 /// # Errors
-/// A lost device, a state that cannot be written.
+/// Fails if the device is lost, or if a state cannot be written.
 pub fn converge(
     tracer: &mut PathTracer,
     goal: Goal,
@@ -123,7 +125,7 @@ pub fn converge(
 /// Writes the state of a picture.
 ///
 /// # Errors
-/// It cannot be written; a lost device.
+/// Fails if the state cannot be written, or if the device is lost.
 pub fn save(tracer: &PathTracer, path: &Path) -> Result<()> {
     let sums = tracer.save()?;
     let mut bytes = MAGIC.to_vec();
@@ -135,7 +137,7 @@ pub fn save(tracer: &PathTracer, path: &Path) -> Result<()> {
 /// Goes on from a state, if there is one.
 ///
 /// # Errors
-/// A state that cannot be read, is damaged, or is of another scene or of other settings.
+/// Fails if the state cannot be read, is damaged, or belongs to another scene or to other settings.
 pub fn resume(tracer: &mut PathTracer, path: &Path) -> Result<()> {
     if !path.exists() {
         return Ok(());
@@ -153,10 +155,10 @@ pub fn resume(tracer: &mut PathTracer, path: &Path) -> Result<()> {
     Err(Error::input(path.display(), problem, "give those that it was made with, or delete it to start anew"))
 }
 
-/// Demands that there is no state, so that hours of work are not lost by a forgotten flag.
+/// Demands that there is no state, so that a forgotten flag does not cost hours of work.
 ///
 /// # Errors
-/// There is one.
+/// Fails if there is a state.
 pub fn require_none(path: &Path) -> Result<()> {
     if !path.exists() {
         return Ok(());

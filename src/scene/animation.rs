@@ -1,10 +1,10 @@
-//! Values over time: key frames, and how one goes over into the next.
+//! Values over time, given by key frames.
 
 use glam::{Affine3A, Mat3, Quat, Vec3};
 
 /// A type whose key frames can be interpolated.
 pub trait Lerp: Copy {
-    /// `a` at `t = 0`, `b` at `t = 1`.
+    /// Returns `a` at `t = 0` and `b` at `t = 1`.
     fn mix(a: Self, b: Self, t: f32) -> Self;
 }
 
@@ -21,13 +21,12 @@ impl Lerp for Vec3 {
 }
 
 impl Lerp for Quat {
-    /// Along the shorter arc.
     fn mix(a: Self, b: Self, t: f32) -> Self {
         a.slerp(b, t)
     }
 }
 
-/// Key frames of one value, by time in seconds; held before the first and after the last.
+/// Key frames of one value, by time in seconds. The value is held before the first and after the last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track<T> {
     first: T,
@@ -36,12 +35,12 @@ pub struct Track<T> {
 }
 
 impl<T: Lerp> Track<T> {
-    /// The same value at all times.
+    /// Makes a track with the same value at all times.
     pub fn constant(value: T) -> Self {
         Self { first: value, rest: Vec::new(), start: 0.0 }
     }
 
-    /// Key frames, sorted by time here; `default` at all times where there are none.
+    /// Sorts key frames by time. Without any, the value is always `default`.
     pub fn from_keys(mut keys: Vec<(f64, T)>, default: T) -> Self {
         keys.sort_by(|a, b| a.0.total_cmp(&b.0));
         match keys.split_first() {
@@ -50,17 +49,17 @@ impl<T: Lerp> Track<T> {
         }
     }
 
-    /// Does the value ever change?
+    /// Says whether the value never changes.
     pub fn is_constant(&self) -> bool {
         self.rest.is_empty()
     }
 
-    /// All key frames by time, at least one; a constant's is at 0.
+    /// Returns all key frames by time, at least one. A constant has one at 0.
     pub fn keys(&self) -> impl Iterator<Item = (f64, T)> {
         std::iter::once((self.start, self.first)).chain(self.rest.iter().copied())
     }
 
-    /// The value at `time` seconds.
+    /// Returns the value at `time` seconds.
     pub fn at(&self, time: f64) -> T {
         let (mut before_time, mut before) = (self.start, self.first);
         for &(key_time, key) in &self.rest {
@@ -76,7 +75,7 @@ impl<T: Lerp> Track<T> {
     }
 }
 
-/// Where something stands: scaled, then rotated, then moved. Metres.
+/// Where something stands, in metres: scaled, then rotated, then moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     pub translation: Vec3,
@@ -85,10 +84,10 @@ pub struct Transform {
 }
 
 impl Transform {
-    /// Nothing moved.
+    /// The transform that changes nothing.
     pub const IDENTITY: Self = Self { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
 
-    /// The matrix.
+    /// Returns the matrix.
     pub fn matrix(&self) -> Affine3A {
         Affine3A::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
     }
@@ -103,7 +102,7 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Stands still.
+    /// Makes a placement that stands still.
     pub fn fixed(transform: Transform) -> Self {
         Self {
             translation: Track::constant(transform.translation),
@@ -112,12 +111,12 @@ impl Placement {
         }
     }
 
-    /// Does it ever change?
+    /// Says whether the placement never changes.
     pub fn is_constant(&self) -> bool {
         self.translation.is_constant() && self.rotation.is_constant() && self.scale.is_constant()
     }
 
-    /// The placement at `time` seconds.
+    /// Returns the placement at `time` seconds.
     pub fn at(&self, time: f64) -> Transform {
         Transform {
             translation: self.translation.at(time),
@@ -127,7 +126,7 @@ impl Placement {
     }
 }
 
-/// Can the matrix be inverted, with numbers that single precision still holds?
+/// Says whether a matrix can be inverted with numbers that single precision still holds.
 pub fn is_invertible(matrix: &Affine3A) -> bool {
     let linear = Mat3::from(matrix.matrix3);
     let size = linear.x_axis.length() * linear.y_axis.length() * linear.z_axis.length();

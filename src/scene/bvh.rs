@@ -1,7 +1,9 @@
-//! Bounding volume hierarchies: bottom levels over triangles (once), the top level over instances (every frame).
+//! Bounding volume hierarchies: bottom levels over triangles (built once) and the top level over instances
+//! (every frame).
 //!
-//! The shader walks both with one stack of [`STACK`] entries and pushes at most one entry a node, so the depths of the two
-//! levels together (inner nodes on the longest path) never exceed it: see [`top_depth`] and [`bottom_depth_limit`].
+//! The shader walks both with one stack of [`STACK`] entries and pushes at most one entry a node. The depths
+//! of the two levels together (inner nodes on the longest path) therefore never exceed it: [`top_depth`],
+//! [`bottom_depth_limit`].
 
 use super::{
     bounds::Bounds,
@@ -13,41 +15,43 @@ use obvhs::{bvh2::leaf_collapser::collapse, bvh2::reinsertion::ReinsertionOptimi
 
 /// Entries of the traversal stack in `shaders/glsl`.
 pub const STACK: u32 = 48;
-/// No bottom level is deeper, however few instances there are.
+/// No bottom level is deeper, even with few instances.
 pub const MAX_BOTTOM_DEPTH: u32 = 40;
-/// Triangles of a leaf, at most.
+/// The most triangles of a leaf.
 pub const MAX_LEAF: u32 = 4;
 
-/// The depth of a top level over so many instances, at most.
+/// Returns the greatest depth of a top level over this many instances.
 pub fn top_depth(instances: usize) -> u32 {
     instances.next_power_of_two().trailing_zeros().max(1)
 }
 
-/// How deep a bottom level may be under a top level over so many instances.
+/// Returns how deep a bottom level may be under a top level over this many instances.
 pub fn bottom_depth_limit(instances: usize) -> u32 {
     MAX_BOTTOM_DEPTH.min(STACK.saturating_sub(top_depth(instances)))
 }
 
-/// A binary tree over boxes, node 0 its root; children come after their parent.
+/// A binary tree over boxes. Node 0 is its root, and children come after their parent.
 #[derive(Clone, Debug)]
 pub struct Tree {
     nodes: Vec<TreeNode>,
-    /// Box indices; each leaf is a run of these.
+    /// Box indices. Each leaf is a run of these.
     pub order: Vec<u32>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct TreeNode {
     bounds: Bounds,
-    /// Of a leaf (`count > 0`): its run in `order`. Of an inner node: `first` is the left child.
+    /// In a leaf (`count > 0`) the run in `order`. In an inner node `first` is the left child.
     first: u32,
     second: u32,
     count: u32,
 }
 
-/// A tree over triangle boxes for tracing: leaves of at most [`MAX_LEAF`], no deeper than `max_depth`.
+/// Builds a tree over triangle boxes for tracing, with leaves of at most [`MAX_LEAF`] and no deeper than
+/// `max_depth`.
 ///
-/// The tree is obvhs' (PLOC with reinsertion) unless that is too deep; then the surface-area heuristic under a depth limit.
+/// The tree is obvhs' (PLOC with reinsertion) unless that is too deep. Then the surface-area heuristic runs
+/// under a depth limit.
 pub fn build_bottom(boxes: &[Bounds], max_depth: u32) -> Tree {
     if boxes.len() > MAX_LEAF as usize
         && let Some(tree) = build_obvhs(boxes)
@@ -58,7 +62,7 @@ pub fn build_bottom(boxes: &[Bounds], max_depth: u32) -> Tree {
     build_sweep(boxes, MAX_LEAF, max_depth)
 }
 
-/// A tree over instance boxes: leaves of one, no deeper than [`top_depth`] of their number.
+/// Builds a tree over instance boxes, with leaves of one and no deeper than [`top_depth`] of their number.
 pub fn build_top(boxes: &[Bounds]) -> Tree {
     build_sweep(boxes, 1, top_depth(boxes.len()))
 }
@@ -68,7 +72,7 @@ fn build_obvhs(boxes: &[Bounds]) -> Option<Tree> {
         .iter()
         .map(|b| obvhs::aabb::Aabb { min: b.min.to_array().into(), max: b.max.to_array().into() })
         .collect();
-    // The best preset but for pre-splitting, which would put a triangle into several leaves.
+    // The best preset except for pre-splitting, which would put a triangle into several leaves.
     let params = obvhs::BvhBuildParams::very_slow_build();
     let indices = (0..boxes.len() as u32).collect();
     let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
@@ -78,7 +82,7 @@ fn build_obvhs(boxes: &[Bounds]) -> Option<Tree> {
         params.sort_precision,
         params.search_depth_threshold,
     );
-    // Reinsertion is what takes the time in a large mesh.
+    // In a large mesh reinsertion takes most of the time.
     let effort = params.reinsertion_batch_ratio.min(100_000.0 / boxes.len() as f32);
     let mut optimizer = ReinsertionOptimizer::default();
     optimizer.run(&mut bvh, effort, None);
@@ -111,8 +115,8 @@ fn build_obvhs(boxes: &[Bounds]) -> Option<Tree> {
     Some(tree)
 }
 
-/// Splits by the surface-area heuristic, sorted along each axis, but never so unevenly that the rest would not fit into
-/// the depth that is left.
+/// Splits by the surface-area heuristic, sorted along each axis. A split is never so uneven that the rest
+/// would not fit into the depth that is left.
 fn build_sweep(boxes: &[Bounds], max_leaf: u32, max_depth: u32) -> Tree {
     let mut tree = Tree { nodes: Vec::new(), order: (0..boxes.len() as u32).collect() };
     if boxes.is_empty() {
@@ -166,7 +170,6 @@ fn split(tree: &mut Tree, boxes: &[Bounds], items: &mut [u32], first: u32, max_l
 }
 
 impl Tree {
-    /// Boxes from the leaves up.
     fn refit(&mut self, boxes: &[Bounds]) {
         for index in (0..self.nodes.len()).rev() {
             let node = self.nodes[index];
@@ -179,12 +182,13 @@ impl Tree {
         }
     }
 
-    /// The box around everything.
+    /// Returns the box around everything.
     pub fn bounds(&self) -> Bounds {
         self.nodes.first().map_or(Bounds::EMPTY, |root| root.bounds)
     }
 
-    /// Inner nodes on the longest path; a lone leaf counts 1, as it is packed into a node.
+    /// Returns the number of inner nodes on the longest path. A lone leaf counts 1, because it is packed into
+    /// a node.
     pub fn depth(&self) -> u32 {
         let mut depths = vec![0; self.nodes.len()];
         for (index, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.count == 0) {
@@ -195,8 +199,8 @@ impl Tree {
         depths.into_iter().max().unwrap_or(0).max(1)
     }
 
-    /// Nodes for the GPU, the root first; inner children become `first_node` plus their place in the result, and leaves
-    /// hold `leaf(first of the run in order)`. Nothing where the tree is empty.
+    /// Returns the nodes for the GPU, the root first; nothing if the tree is empty. Inner children become
+    /// `first_node` plus their place in the result. Leaves hold `leaf(first of the run in order)`.
     pub fn pack(&self, first_node: u32, leaf: impl Fn(u32) -> u32) -> Vec<BvhNode> {
         let mut packed_index = vec![NONE; self.nodes.len()];
         let inner = (0..self.nodes.len()).filter(|index| self.nodes[*index].count == 0);
@@ -229,7 +233,7 @@ impl Tree {
     }
 }
 
-/// The two children of a node: box, child, count.
+/// Returns the two children of a node: box, child, count.
 pub fn sides(node: &BvhNode) -> [(Bounds, u32, u32); 2] {
     [
         (Bounds { min: node.min0, max: node.max0 }, node.child0, node.count0),
@@ -237,11 +241,11 @@ pub fn sides(node: &BvhNode) -> [(Bounds, u32, u32); 2] {
     ]
 }
 
-/// Validates the bottom levels: every node has one parent at most, every triangle is in exactly one leaf and inside all
-/// boxes above it, no path is longer than [`MAX_BOTTOM_DEPTH`], all indices exist.
+/// Checks the bottom levels. Every node has at most one parent. Every triangle is in exactly one leaf and
+/// inside all boxes above it. No path is longer than [`MAX_BOTTOM_DEPTH`]. All indices exist.
 ///
 /// # Errors
-/// [`Error::Internal`], saying what is broken.
+/// Fails with [`Error::Internal`] if something is broken, and says what.
 pub fn check(scene: &PackedScene) -> Result<()> {
     let broken = |what: String| Err(Error::Internal(format!("broken BVH: {what}")));
     let mut parents = vec![0_u32; scene.nodes.len()];
@@ -292,7 +296,7 @@ pub fn check(scene: &PackedScene) -> Result<()> {
             }
         }
     }
-    // A cycle has no root, a node with two parents is visited twice.
+    // A cycle has no root, and a node with two parents is visited twice.
     if visited != scene.nodes.len() || parents.iter().any(|parents| *parents > 1) {
         return broken("its nodes are not trees".into());
     }
@@ -302,10 +306,10 @@ pub fn check(scene: &PackedScene) -> Result<()> {
     }
 }
 
-/// Validates the top level: every instance in exactly one leaf, roots and child indices exist.
+/// Checks the top level. Every instance is in exactly one leaf, and roots and child indices exist.
 ///
 /// # Errors
-/// [`Error::Internal`], saying what is broken.
+/// Fails with [`Error::Internal`] if something is broken, and says what.
 pub fn check_top(scene: &PackedScene, frame: &PackedInstances) -> Result<()> {
     let broken = |what: String| Err(Error::Internal(format!("broken top-level BVH: {what}")));
     let mut seen = vec![0_u32; frame.instances.len()];

@@ -3,12 +3,12 @@
 use super::animation::Track;
 use glam::{EulerRot, Quat, Vec3};
 
-/// A pinhole camera: it looks along −Z of its own frame, +Y is up, x to the right.
+/// A pinhole camera. It looks along −Z of its own frame; +Y is up and x is to the right.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// World, metres.
+    /// The place in the world, metres.
     pub position: Vec3,
-    /// Camera to world.
+    /// The rotation from camera to world.
     pub rotation: Quat,
     /// Full vertical angle, degrees.
     pub fov_y_degrees: f32,
@@ -21,7 +21,7 @@ pub struct Camera {
 pub enum Aim {
     /// At a point of the world.
     LookAt(Track<Vec3>),
-    /// By angles in degrees, right-handed: `yaw` about +Y (90 looks along −X), then `pitch` upwards.
+    /// By angles in degrees, right-handed. `yaw` turns about +Y (90 looks along −X), then `pitch` upwards.
     Angles { yaw: Track<f32>, pitch: Track<f32> },
 }
 
@@ -32,12 +32,12 @@ pub struct CameraTrack {
     pub aim: Aim,
     /// Full vertical angle, degrees.
     pub fov_y_degrees: Track<f32>,
-    /// Width and height in pixels; the same at all times.
+    /// Width and height in pixels, the same at all times.
     pub size: [u32; 2],
 }
 
 impl CameraTrack {
-    /// A still camera at `position` looking along −Z, 60° high, 1280×720.
+    /// Makes a still camera at `position` that looks along −Z, 60° high, 1280×720.
     pub fn at_point(position: Vec3) -> Self {
         Self {
             position: Track::constant(position),
@@ -47,7 +47,7 @@ impl CameraTrack {
         }
     }
 
-    /// Does nothing of it ever change?
+    /// Says whether nothing of it ever changes.
     pub fn is_constant(&self) -> bool {
         let aim = match &self.aim {
             Aim::LookAt(target) => target.is_constant(),
@@ -56,7 +56,7 @@ impl CameraTrack {
         aim && self.position.is_constant() && self.fov_y_degrees.is_constant()
     }
 
-    /// The camera at `time` seconds.
+    /// Returns the camera at `time` seconds.
     pub fn at(&self, time: f64) -> Camera {
         let position = self.position.at(time);
         let (yaw, pitch) = match &self.aim {
@@ -72,7 +72,8 @@ impl CameraTrack {
     }
 }
 
-/// Yaw and pitch in radians that look along `direction`; straight up and down keep yaw 0, no direction is forward.
+/// Returns the yaw and pitch in radians that look along `direction`. Straight up and down keep yaw 0. The
+/// zero vector gives forward.
 fn angles_towards(direction: Vec3) -> (f32, f32) {
     let horizontal = direction.x.hypot(direction.z);
     if !direction.is_finite() || direction == Vec3::ZERO {

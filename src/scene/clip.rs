@@ -3,7 +3,7 @@
 use super::{animation::Transform, model::Local};
 use glam::{Quat, Vec4};
 
-/// How a channel's keys are joined.
+/// How the keys of a channel are joined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Join {
     Linear,
@@ -12,11 +12,10 @@ pub enum Join {
     CubicSpline,
 }
 
-/// What a channel moves.
+/// The property that a channel moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Property {
     Translation,
-    /// Quaternions (x, y, z, w).
     Rotation,
     Scale,
 }
@@ -24,17 +23,17 @@ pub enum Property {
 /// One moved property of one node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Index into the model's nodes.
+    /// The index into the model's nodes.
     pub node: usize,
     pub property: Property,
     pub join: Join,
     /// Seconds, increasing, at least one.
     pub times: Vec<f32>,
-    /// One per time, three per time for [`Join::CubicSpline`]; `w` is unused but for rotations.
+    /// One value per time, or three for [`Join::CubicSpline`]. Only rotations use `w`.
     pub values: Vec<Vec4>,
 }
 
-/// A named set of channels, played in a loop.
+/// A named set of channels. It is played in a loop.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
     pub name: String,
@@ -42,17 +41,17 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// Seconds from 0 to the last key.
+    /// Returns the seconds from 0 to the last key.
     pub fn duration(&self) -> f32 {
         self.channels.iter().filter_map(|channel| channel.times.last()).fold(0.0, |a, b| a.max(*b))
     }
 
-    /// Sets the locals that the clip moves; the clip repeats.
+    /// Sets the locals that the clip moves. The clip repeats.
     pub fn apply(&self, time: f64, locals: &mut [Local]) {
         let duration = f64::from(self.duration());
         let time = if duration > 0.0 { time.rem_euclid(duration) } else { 0.0 } as f32;
         for channel in &self.channels {
-            // An animated node has no matrix (glTF forbids it); one that does is moved from the origin.
+            // An animated node has no matrix (glTF forbids it). One that does is moved from the origin.
             let mut transform = match locals[channel.node] {
                 Local::Transform(transform) => transform,
                 Local::Matrix(_) => Transform::IDENTITY,
@@ -69,7 +68,7 @@ impl Clip {
 }
 
 impl Channel {
-    /// The value at `time` seconds, held outside the keys.
+    /// Returns the value at `time` seconds, held outside the keys.
     fn at(&self, time: f32) -> Vec4 {
         let after = self.times.partition_point(|key| *key <= time);
         let per_key = if self.join == Join::CubicSpline { 3 } else { 1 };
@@ -123,7 +122,7 @@ mod tests {
     #[test]
     fn cubic_splines_have_their_tangents() {
         let zero = Vec4::ZERO;
-        // A straight line of slope 2 from (1, 1) to (3, 5), written as a spline.
+        // This is a straight line of slope 2 from (1, 1) to (3, 5), written as a spline.
         let values = [zero, Vec4::splat(1.0), Vec4::splat(2.0), Vec4::splat(2.0), Vec4::splat(5.0), zero];
         let spline = channel(Join::CubicSpline, Property::Translation, &values);
         for (time, expected) in [(1.0, 1.0), (1.5, 2.0), (2.0, 3.0), (2.5, 4.0), (3.0, 5.0)] {

@@ -1,4 +1,5 @@
-//! The complete true scene: the real room and the virtual objects, all of it geometry. What scene truth is made of.
+//! The complete true scene, from which scene truth is made: the real room and the virtual objects, all of it
+//! geometry.
 
 use super::{
     Object, SceneState,
@@ -12,7 +13,8 @@ use super::{
 use crate::Result;
 use std::sync::Arc;
 
-/// A room with objects in it. Made by [`CompleteScene::load`] from a scene file, by [`CompleteScene::assemble`] from memory.
+/// A room with objects in it. [`CompleteScene::load`] makes it from a scene file, [`CompleteScene::assemble`]
+/// from memory.
 #[derive(Clone, Debug)]
 pub struct CompleteScene {
     pub name: String,
@@ -21,7 +23,7 @@ pub struct CompleteScene {
     pub packed: PackedScene,
     /// Frames a second.
     pub fps: f64,
-    /// Factor on radiance for display.
+    /// A factor on radiance for display.
     pub exposure: f32,
     /// What is understood but not done, or was mended; one line each.
     pub warnings: Vec<String>,
@@ -29,10 +31,10 @@ pub struct CompleteScene {
 }
 
 impl CompleteScene {
-    /// Packs a room, the first of its clips played in a loop, and objects.
+    /// Packs objects and a room, whose first clip is played in a loop.
     ///
     /// # Errors
-    /// A model whose arrays do not fit each other, or too many triangles.
+    /// Fails if the arrays of a model do not fit each other, or if there are too many triangles.
     pub fn assemble(name: &str, room: Arc<Model>, camera: CameraTrack, objects: Vec<Object>) -> Result<Self> {
         let clip = (!room.rig.clips.is_empty()).then_some(0);
         let placement = Placement::fixed(Transform::IDENTITY);
@@ -42,17 +44,17 @@ impl CompleteScene {
         Ok(Self { name: name.to_owned(), camera, packed, fps: 30.0, exposure: 1.0, warnings, placed })
     }
 
-    /// The world box of everything at `time_seconds`, metres.
+    /// Returns the world box of everything at `time_seconds`, metres.
     pub fn bounds(&self, time_seconds: f64) -> Bounds {
         self.placed.iter().map(|placed| placed.bounds(time_seconds)).fold(Bounds::EMPTY, Bounds::union)
     }
 
-    /// The time at which frame `index` of the video starts, seconds.
+    /// Returns the time in seconds at which frame `index` of the video starts.
     pub fn frame_time(&self, index: u32) -> f64 {
         f64::from(index) / self.fps
     }
 
-    /// Camera, instances, top level and lights at `time_seconds`.
+    /// Returns camera, instances, top level and lights at `time_seconds`.
     pub fn at(&self, time_seconds: f64) -> SceneState {
         let instances = state::instances_at(&self.placed, time_seconds, time_seconds);
         SceneState { camera: self.camera.at(time_seconds), instances }

@@ -1,4 +1,5 @@
-//! A scene that is changed while it is shown. A clone shares triangles and textures; moving an object changes neither.
+//! Changes a scene while it is shown. A clone shares triangles and textures, and moving an object changes
+//! neither.
 
 use super::{
     animation::{Lerp, Placement, Track, Transform},
@@ -10,7 +11,8 @@ use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 use std::sync::Arc;
 
 impl Placement {
-    /// The same motion, taken elsewhere: at `time` it is `to`, and at all times it is as far from where it was.
+    /// Moves the whole motion elsewhere: at `time` it is `to`, and at all times it is as far from where it
+    /// was.
     pub fn moved(&self, time: f64, to: Transform) -> Self {
         let now = self.at(time);
         let (shift, turn, grow) =
@@ -30,28 +32,28 @@ fn mapped<T: Lerp>(track: &Track<T>, change: impl Fn(T) -> T) -> Track<T> {
 }
 
 impl Scene {
-    /// The objects, in order.
+    /// Returns the objects, in order.
     pub fn objects(&self) -> impl Iterator<Item = &Object> {
         self.placed.iter().map(|placed| &placed.object)
     }
 
-    /// Puts object `index` elsewhere; nothing is packed again.
+    /// Puts object `index` elsewhere. Nothing is packed again.
     pub fn place(&mut self, index: usize, placement: Placement) {
         if let Some(placed) = self.placed.get_mut(index) {
             placed.object.placement = placement;
         }
     }
 
-    /// The same scene with other objects, packed anew.
+    /// Returns the same scene with other objects, packed anew.
     ///
     /// # Errors
-    /// As [`Scene::assemble`].
+    /// Fails as [`Scene::assemble`] does.
     pub fn with_objects(&self, objects: &[Object]) -> Result<Self> {
         let (packed, placed, warnings) = state::place(objects)?;
         Ok(Self { packed: Arc::new(packed), placed, warnings, ..self.clone() })
     }
 
-    /// When everything has moved once, seconds: the video, key frames, clips.
+    /// Returns the seconds after which everything has moved once: the video, key frames, clips.
     pub fn duration(&self) -> f64 {
         let mut end = self.panorama.frame_count() as f64 / self.panorama.fps;
         for object in self.objects() {
@@ -68,7 +70,8 @@ impl Scene {
         end
     }
 
-    /// The first object that a ray meets at a time, and how far away, in lengths of `direction`. World, metres.
+    /// Returns the first object that a ray meets at a time, and its distance in lengths of `direction`.
+    /// World, metres.
     pub fn first_object(&self, origin: Vec3, direction: Vec3, time: f64) -> Option<(usize, f32)> {
         let mut best: Option<(usize, f32)> = None;
         for (index, placed) in self.placed.iter().enumerate() {
@@ -109,7 +112,7 @@ impl Scene {
                     continue;
                 }
                 for triangle in &self.packed.triangles[child as usize..(child + count) as usize] {
-                    // o + t·d = v0 + u·e1 + v·e2
+                    // The equation is o + t·d = v0 + u·e1 + v·e2.
                     let system = Mat3A::from_cols((-d).into(), triangle.e1.into(), triangle.e2.into());
                     if system.determinant().abs() < 1e-20 {
                         continue;

@@ -1,4 +1,5 @@
-//! A built-in room as files: the room and its objects as .glb, the captured panorama as EXR, and the scene file that names them.
+//! Writes a built-in room as files: .glb for the room and its objects, EXR for the panorama, and a scene file
+//! that names them.
 
 use super::{
     Object,
@@ -24,17 +25,17 @@ use std::{
 };
 use toml::{Table, Value};
 
-/// The scene file's name in an exported folder.
+/// The name of the scene file in an exported folder.
 pub const SCENE_FILE: &str = "scene.toml";
-/// The real room's.
+/// The name of the real room's file.
 pub const ROOM_FILE: &str = "room.glb";
 
-/// What an export of a room consists of, before anything is captured or written.
+/// The files of an export, before anything is captured or written.
 #[derive(Clone, Debug)]
 pub struct Export {
-    /// The scene file's text.
+    /// The text of the scene file.
     pub scene: String,
-    /// A file name and a model each: the room first, then objects; objects that share a model share its file.
+    /// File names and models: the room first, then objects. Objects that share a model share its file.
     pub models: Vec<(String, Arc<Model>)>,
     /// Colour and depth file of each frame of the panorama.
     pub panorama: Vec<[String; 2]>,
@@ -76,10 +77,10 @@ impl Export {
         Self { scene: format!("{head}{table}"), models, panorama }
     }
 
-    /// Makes the folder where it does not exist; refuses one that holds anything but an earlier export of the same scene.
+    /// Makes the folder if it does not exist. Only an earlier export of the same scene may be in it.
     ///
     /// # Errors
-    /// A folder that cannot be made or read, or is in use.
+    /// Fails if the folder cannot be made or read, or if it holds anything else.
     pub fn prepare(&self, folder: &Path) -> Result<()> {
         let subject = folder.display();
         let fail = |error: std::io::Error| {
@@ -105,10 +106,11 @@ impl Export {
         models.chain(self.panorama.iter().flatten().map(String::as_str))
     }
 
-    /// Writes everything, the scene file last; `frames` are the panorama's, as many as planned. Returns the scene file's path.
+    /// Writes everything, the scene file last, and returns its path. There must be as many `frames` as
+    /// planned.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// Fails if a file cannot be written.
     pub fn write(&self, folder: &Path, frames: &[PanoramaFrame]) -> Result<PathBuf> {
         if frames.len() != self.panorama.len() {
             return Err(Error::Internal(format!("{} frames for {} files", frames.len(), self.panorama.len())));
@@ -131,7 +133,7 @@ fn numbers(values: &[f32]) -> Value {
     values.iter().map(|value| number(*value)).collect::<Vec<_>>().into()
 }
 
-/// The shortest decimal that reads back as the same single-precision number.
+/// Returns the shortest decimal that reads back as the same single-precision number.
 fn number(value: f32) -> Value {
     Value::Float(value.to_string().parse().unwrap_or_else(|_| f64::from(value)))
 }
@@ -144,7 +146,7 @@ fn quaternion(value: Quat) -> Value {
     numbers(&value.to_array())
 }
 
-/// `name`, constant; or one key table a key frame, merged by time into `keys`.
+/// Writes `name` as a constant, or merges its key frames by time into `keys`, one table a key frame.
 fn track<T: Lerp>(
     table: &mut Table,
     keys: &mut Vec<(f64, Table)>,
@@ -156,7 +158,7 @@ fn track<T: Lerp>(
         table.insert(name.into(), write(track.at(0.0)));
         return;
     }
-    // Two keys of one time are a jump and stay apart, in their order.
+    // Two keys at one time are a jump. They stay apart, in their order.
     let mut from = 0;
     for (time, value) in track.keys() {
         let entry = match keys.iter().skip(from).position(|(known, _)| *known == time) {
@@ -179,7 +181,7 @@ fn with_keys(mut table: Table, mut keys: Vec<(f64, Table)>) -> Table {
     table
 }
 
-/// How a scene file says where an object stands.
+/// Says in a scene file's words where an object stands.
 pub fn placement_table(placement: &Placement) -> Table {
     let (mut table, mut keys) = (Table::new(), Vec::new());
     track(&mut table, &mut keys, "translation", &placement.translation, vector);
@@ -205,7 +207,7 @@ fn object_table(object: &Object, file: &str) -> Table {
     table
 }
 
-/// How a scene file describes a camera.
+/// Describes a camera in a scene file's words.
 pub fn camera_table(camera: &CameraTrack) -> Table {
     let mut table = Table::new();
     let mut keys = Vec::new();

@@ -1,5 +1,5 @@
-//! Reading a TOML table strictly: every key is asked for by name and type, and all that is wrong is collected, so that
-//! one look at a file reports everything.
+//! Reads a TOML table strictly. Every key is asked for by name and type. Everything that is wrong is
+//! collected, so that one look at a file reports it all.
 
 use crate::Error;
 use std::{
@@ -15,23 +15,23 @@ pub struct Problems {
 }
 
 impl Problems {
-    /// An empty report about `file`.
+    /// Makes an empty report about `file`.
     pub fn new(file: &Path) -> Self {
         Self { file: file.to_path_buf(), problems: RefCell::default() }
     }
 
-    /// Adds a problem of the field `field` (dotted path).
+    /// Adds a problem of the field `field` (a dotted path).
     pub fn add(&self, field: &str, problem: impl ToString, remedy: impl ToString) {
         let subject = format!("{}: {field}", self.file.display());
         self.problems.borrow_mut().push(Error::input(subject, problem, remedy));
     }
 
-    /// The folder of the file, which paths in it are relative to.
+    /// Returns the folder of the file. Paths in the file are relative to it.
     pub fn folder(&self) -> &Path {
         self.file.parent().unwrap_or(Path::new(""))
     }
 
-    /// All problems, in the order found.
+    /// Returns all problems, in the order found.
     pub fn into_problems(self) -> Vec<Error> {
         self.problems.into_inner()
     }
@@ -45,8 +45,8 @@ pub struct FieldTable<'a> {
 }
 
 impl<'a> FieldTable<'a> {
-    /// The table called `name` (empty: the whole file). Keys that are not among `known` are reported with the nearest
-    /// known one.
+    /// Opens the table called `name` (empty: the whole file). Reports keys that are not among `known`, with
+    /// the nearest one.
     pub fn new(report: &'a Problems, name: &str, table: &'a Table, known: &[&str]) -> Self {
         let fields = Self { report, name: name.to_owned(), table };
         for key in table.keys().filter(|key| !known.contains(&key.as_str())) {
@@ -55,12 +55,12 @@ impl<'a> FieldTable<'a> {
         fields
     }
 
-    /// The dotted path of `key`.
+    /// Returns the dotted path of `key`.
     pub fn path(&self, key: &str) -> String {
         if self.name.is_empty() { key.to_owned() } else { format!("{}.{key}", self.name) }
     }
 
-    /// The file and the dotted path of `key`, as errors and warnings name it.
+    /// Returns the file and the dotted path of `key`, as errors and warnings name it.
     pub fn subject(&self, key: &str) -> String {
         format!("{}: {}", self.report.file.display(), self.path(key))
     }
@@ -70,12 +70,12 @@ impl<'a> FieldTable<'a> {
         self.report.add(&self.path(key), problem, remedy);
     }
 
-    /// The raw value.
+    /// Returns the raw value.
     pub fn value(&self, key: &str) -> Option<&'a Value> {
         self.table.get(key)
     }
 
-    /// Is the key there?
+    /// Says whether the key is there.
     pub fn has(&self, key: &str) -> bool {
         self.table.contains_key(key)
     }
@@ -84,7 +84,7 @@ impl<'a> FieldTable<'a> {
         self.complain(key, format!("expected {expected}, found {}", kind(found)), format!("write {key} = {example}"));
     }
 
-    /// A finite number, integer or float.
+    /// Reads a finite number, integer or float.
     pub fn number(&self, key: &str) -> Option<f64> {
         let value = self.value(key)?;
         let number = as_number(value);
@@ -94,7 +94,7 @@ impl<'a> FieldTable<'a> {
         number
     }
 
-    /// A finite number for which `accept` holds; `range` says in words what is accepted.
+    /// Reads a finite number for which `accept` holds. `range` says in words what is accepted.
     pub fn number_in(&self, key: &str, range: &str, accept: impl Fn(f64) -> bool) -> Option<f64> {
         let number = self.number(key)?;
         if !accept(number) {
@@ -104,7 +104,7 @@ impl<'a> FieldTable<'a> {
         Some(number)
     }
 
-    /// A string.
+    /// Reads a string.
     pub fn string(&self, key: &str) -> Option<&'a str> {
         let value = self.value(key)?;
         if value.as_str().is_none() {
@@ -113,7 +113,7 @@ impl<'a> FieldTable<'a> {
         value.as_str()
     }
 
-    /// One of a few words, as its index in `words`.
+    /// Reads one of a few words and returns its index in `words`.
     pub fn word(&self, key: &str, words: &[&str]) -> Option<usize> {
         let given = self.string(key)?;
         let found = words.iter().position(|word| *word == given);
@@ -123,7 +123,7 @@ impl<'a> FieldTable<'a> {
         found
     }
 
-    /// An array of `N` finite numbers.
+    /// Reads an array of `N` finite numbers.
     pub fn vector<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
         let value = self.value(key)?;
         let numbers = as_numbers(value).and_then(|numbers| numbers.try_into().ok());
@@ -134,7 +134,7 @@ impl<'a> FieldTable<'a> {
         numbers
     }
 
-    /// An array of any number of finite numbers.
+    /// Reads an array of any number of finite numbers.
     pub fn numbers(&self, key: &str) -> Option<Vec<f64>> {
         let value = self.value(key)?;
         let numbers = as_numbers(value);
@@ -144,7 +144,7 @@ impl<'a> FieldTable<'a> {
         numbers
     }
 
-    /// An array of integers, each ≥ 0 and below 2³².
+    /// Reads an array of integers, each ≥ 0 and below 2³².
     pub fn integers(&self, key: &str) -> Option<Vec<u32>> {
         let value = self.value(key)?;
         let integers = value.as_array().and_then(|items| {
@@ -156,7 +156,8 @@ impl<'a> FieldTable<'a> {
         integers
     }
 
-    /// A file path: `$NAME` and `${NAME}` come from the environment; relative to the file's folder.
+    /// Reads a file path. `$NAME` and `${NAME}` come from the environment. The path is relative to the file's
+    /// folder.
     pub fn file_path(&self, key: &str) -> Option<PathBuf> {
         let text = self.string(key)?;
         if text.is_empty() {
@@ -176,7 +177,7 @@ impl<'a> FieldTable<'a> {
         }
     }
 
-    /// The table `key`, if there.
+    /// Opens the table `key`, if it is there.
     pub fn table(&self, key: &str, known: &[&str]) -> Option<FieldTable<'a>> {
         match self.value(key)? {
             Value::Table(table) => Some(FieldTable::new(self.report, &self.path(key), table, known)),
@@ -187,7 +188,7 @@ impl<'a> FieldTable<'a> {
         }
     }
 
-    /// The array of tables `key`; empty where absent. Entries are named `key[0]`, `key[1]` …
+    /// Opens the array of tables `key`, empty if absent. Entries are called `key[0]`, `key[1]` and so on.
     pub fn tables(&self, key: &str, known: &[&str]) -> Vec<FieldTable<'a>> {
         let entries = match self.value(key) {
             None => return Vec::new(),
@@ -210,7 +211,7 @@ impl<'a> FieldTable<'a> {
     }
 }
 
-/// "did you mean …", or all known words where none is near.
+/// Asks "did you mean …", or lists all known words if none is near.
 pub fn nearest(given: &str, known: &[&str]) -> String {
     let near = known
         .iter()
@@ -236,7 +237,7 @@ fn kind(value: &Value) -> String {
     }
 }
 
-/// A finite number, integer or float.
+/// Returns a finite number, integer or float.
 pub fn as_number(value: &Value) -> Option<f64> {
     match value {
         Value::Integer(integer) => Some(*integer as f64),
@@ -249,10 +250,10 @@ fn as_numbers(value: &Value) -> Option<Vec<f64>> {
     value.as_array()?.iter().map(as_number).collect()
 }
 
-/// Replaces `$NAME` and `${NAME}` (`$$` is a dollar sign).
+/// Replaces `$NAME` and `${NAME}`. `$$` is a dollar sign.
 ///
 /// # Errors
-/// The name that `lookup` does not know.
+/// Fails with the name that `lookup` does not know.
 pub fn expand(text: &str, lookup: impl Fn(&str) -> Option<String>) -> Result<String, String> {
     let mut out = String::new();
     let mut rest = text;

@@ -1,9 +1,4 @@
-//! The scene file, as written: TOML to plain values, with everything that is wrong reported at once.
-//!
-//! Paths are relative to the file; `$NAME` and `${NAME}` come from the environment. Unknown keys are errors that name the
-//! nearest known one. `frames = [a, b]` includes both; a third number is a step; a `%d` pattern without `frames` takes every
-//! file that fits it, in order. `rotation` is XYZ Euler angles in degrees
-//! (the matrix Rx·Ry·Rz) or a quaternion [x, y, z, w].
+//! Parses the scene file (`docs/scene.md`) to plain values, and reports everything that is wrong at once.
 
 use super::{
     animation::{Placement, Track, Transform},
@@ -21,7 +16,7 @@ use std::{
 };
 use toml::Table;
 
-/// A scene file's content.
+/// The content of a scene file.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
     /// The file's stem.
@@ -29,26 +24,26 @@ pub struct SceneFile {
     pub panorama: PanoramaSpec,
     pub camera: CameraTrack,
     pub objects: Vec<ObjectSpec>,
-    /// The true real scene, for `--model scene`.
+    /// The glTF file of the true room, for `--model scene`.
     pub room: Option<PathBuf>,
     pub render: RenderSettings,
     /// What is understood but not done.
     pub warnings: Vec<String>,
 }
 
-/// `[render]`.
+/// The table `[render]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
-    /// `--method`.
+    /// The value of `--method`.
     pub method: String,
-    /// Factor on radiance for display.
+    /// A factor on radiance for display.
     pub exposure: f32,
-    /// `--set`, by key.
+    /// The values of `--set`, by key.
     pub set: BTreeMap<String, toml::Value>,
 }
 
 impl RenderSettings {
-    /// `set` as `--set` takes it.
+    /// Returns `set` as `--set` takes it.
     pub fn set_text(&self) -> Vec<(String, String)> {
         let text = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         self.set.iter().map(|(name, value)| (name.clone(), text(value))).collect()
@@ -61,20 +56,20 @@ impl Default for RenderSettings {
     }
 }
 
-/// `[[object]]`.
+/// A table `[[object]]`.
 #[derive(Clone, Debug)]
 pub struct ObjectSpec {
     pub name: String,
     pub source: ObjectSource,
     pub placement: Placement,
-    /// Of the glTF's animations: `None` plays the first one if there is any, `"none"` none.
+    /// The glTF animation that is played: `None` plays the first one if there is any, `"none"` none.
     pub clip: Option<String>,
-    /// Factor on the clip's time.
+    /// A factor on the clip's time.
     pub speed: f64,
     pub material: Option<MaterialOverride>,
 }
 
-/// What an object is made of.
+/// The geometry of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ObjectSource {
     Gltf(PathBuf),
@@ -82,10 +77,10 @@ pub enum ObjectSource {
     Shape(Shape, Vec3),
 }
 
-/// Reads and parses a scene file.
+/// Reads and parses a scene file. Does not look at the files that it names.
 ///
 /// # Errors
-/// Every problem of the file itself; the files it names are not looked at.
+/// Fails with every problem of the file itself.
 pub fn read_scene_file(path: &Path) -> Result<SceneFile, Vec<Error>> {
     let subject = path.display().to_string();
     let bytes = read::read_bytes(path).map_err(|error| vec![error])?;
@@ -94,10 +89,10 @@ pub fn read_scene_file(path: &Path) -> Result<SceneFile, Vec<Error>> {
     parse(path, &text)
 }
 
-/// Parses a scene file's text; `path` names it and anchors relative paths.
+/// Parses a scene file's text. `path` names it and anchors relative paths.
 ///
 /// # Errors
-/// Every problem found.
+/// Fails with every problem found.
 pub fn parse(path: &Path, text: &str) -> Result<SceneFile, Vec<Error>> {
     let table: Table = text.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(0, |span| text[..span.start.min(text.len())].matches('\n').count()) + 1;
@@ -142,7 +137,6 @@ pub fn parse(path: &Path, text: &str) -> Result<SceneFile, Vec<Error>> {
     }
 }
 
-/// A vector as single-precision.
 pub(super) fn vec3(values: [f64; 3]) -> Vec3 {
     Vec3::from_array(values.map(|value| value as f32))
 }

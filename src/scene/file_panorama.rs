@@ -1,6 +1,4 @@
-//! `[panorama]` of a scene file.
-//!
-//! `frames` without a `%d` pattern has no effect; a pattern without `frames` takes every file that fits it, in order.
+//! Reads the table `[panorama]` of a scene file.
 
 use super::{fields::FieldTable, file::vec3};
 use crate::{
@@ -13,7 +11,6 @@ use crate::{
 use glam::Vec3;
 use toml::Value;
 
-/// The keys of `[panorama]`.
 pub(super) const KEYS: &[&str] = &[
     "color",
     "depth",
@@ -30,10 +27,9 @@ pub(super) const KEYS: &[&str] = &[
     "inverse_tonemap",
 ];
 
-/// Frames that a sequence may have.
 const MAX_FRAMES: u32 = 1_000_000;
 
-/// Reads the table; problems are reported through `fields`.
+/// Reads the table. Problems are reported through `fields`.
 pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<PanoramaSpec> {
     if !fields.has("color") {
         fields.complain("color", "is missing", "name the panorama's image");

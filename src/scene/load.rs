@@ -1,4 +1,4 @@
-//! From a scene file to a scene.
+//! Loads a scene from a scene file.
 
 use super::{
     CompleteScene,
@@ -21,7 +21,7 @@ impl Scene {
     /// Loads a scene file and the objects it names. Panorama frames are found but not read.
     ///
     /// # Errors
-    /// The first problem; [`Scene::problems`] finds all.
+    /// Fails with the first problem. [`Scene::problems`] finds all.
     pub fn load(path: &Path) -> Result<Self> {
         let file = file::read_scene_file(path).map_err(first)?;
         let mut loader = Loader::new(path);
@@ -35,7 +35,7 @@ impl Scene {
         assemble(file, panorama, objects, loader.warnings)
     }
 
-    /// Reads everything that a scene file names and reports every problem and every warning.
+    /// Reads everything that a scene file names, and returns every problem and every warning.
     pub fn problems(path: &Path) -> (Vec<Error>, Vec<String>) {
         let file = match file::read_scene_file(path) {
             Ok(file) => file,
@@ -83,12 +83,11 @@ impl Scene {
 }
 
 impl CompleteScene {
-    /// Loads the room and the objects that a scene file names; the panorama's files are not looked at.
-    ///
-    /// The room's light is scaled as the panorama is, by `panorama.exposure`.
+    /// Loads the room and the objects that a scene file names, but not the panorama's files.
+    /// `panorama.exposure` scales the room's light, as it scales the panorama.
     ///
     /// # Errors
-    /// The first problem; a scene file that names no room.
+    /// Fails with the first problem, or if the scene file names no room.
     pub fn load(path: &Path, without_objects: bool) -> Result<Self> {
         let file = file::read_scene_file(path).map_err(first)?;
         let Some(room) = &file.room else {
@@ -171,7 +170,7 @@ impl<'a> Loader<'a> {
             }
             ObjectSource::Gltf(path) => self.gltf(path)?,
             ObjectSource::Shape(shape, size) => {
-                // Neither glTF's white metal nor a light source: grey plastic.
+                // Grey plastic serves better here than glTF's default, a white metal.
                 let material = Material::plain(&spec.name, Vec3::splat(0.8), 0.5);
                 Arc::new(Model { name: spec.name.clone(), ..Model::from_mesh(shape.mesh(*size), material) })
             }

@@ -1,9 +1,10 @@
-//! Materials and textures as they are loaded or made, before packing for the GPU.
+//! Materials and textures as they are loaded or made, before they are packed for the GPU.
 
 use super::packed;
 use glam::Vec3;
 
-/// glTF 2.0 metallic–roughness. Factors are linear; texture fields are indices into the model's textures.
+/// A glTF 2.0 metallic–roughness material. Factors are linear. Texture fields are indices into the model's
+/// textures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     pub name: String,
@@ -19,11 +20,11 @@ pub struct Material {
     pub specular: f32,
     /// KHR_materials_specular: tint of the dielectric F0.
     pub specular_color: Vec3,
-    /// Of the dielectric; 1.5 is F0 = 0.04.
+    /// Index of refraction of the dielectric; 1.5 is F0 = 0.04.
     pub ior: f32,
-    /// Scale of the normal map's x and y.
+    /// A factor on x and y of the normal map.
     pub normal_scale: f32,
-    /// Seen from both sides.
+    /// Whether it is seen from both sides.
     pub double_sided: bool,
     /// RGB, sRGB-encoded.
     pub base_color_texture: Option<usize>,
@@ -39,7 +40,7 @@ pub struct Material {
 }
 
 impl Default for Material {
-    /// glTF's defaults: white, metallic 1, roughness 1.
+    /// Returns glTF's default: white, metallic 1, roughness 1.
     fn default() -> Self {
         Self {
             name: String::new(),
@@ -63,12 +64,12 @@ impl Default for Material {
 }
 
 impl Material {
-    /// A dielectric of one colour.
+    /// Makes a dielectric of one colour.
     pub fn plain(name: &str, base_color: Vec3, roughness: f32) -> Self {
         Self { name: name.to_owned(), base_color, metallic: 0.0, roughness, ..Self::default() }
     }
 
-    /// The same material where texture `i` is number `first + i`.
+    /// Returns the same material with `first` added to the number of each texture.
     pub fn with_textures_from(mut self, first: usize) -> Self {
         for texture in [
             &mut self.base_color_texture,
@@ -83,7 +84,7 @@ impl Material {
         self
     }
 
-    /// As the shaders read it; texture `i` of the model is texture `first_texture + i` of the scene.
+    /// Packs it as the shaders read it. Texture `i` of the model is texture `first_texture + i` of the scene.
     pub fn pack(&self, first_texture: u32) -> packed::PackedMaterial {
         let texture = |index: Option<usize>| index.map_or(packed::NONE, |index| first_texture + index as u32);
         packed::PackedMaterial {
@@ -106,7 +107,8 @@ impl Material {
     }
 }
 
-/// What a scene file may set on top of an object's own materials; each value given replaces the factor and the texture.
+/// What a scene file may set on top of an object's own materials. Each value replaces the factor and the
+/// texture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MaterialOverride {
     pub base_color: Option<Vec3>,
@@ -128,7 +130,7 @@ impl MaterialOverride {
             if self.metallic.is_some() && self.roughness.is_some() {
                 material.metallic_roughness_texture = None;
             } else if let Some(texture) = material.metallic_roughness_texture {
-                // The other channel stays: a copy of the texture in which this one is 1.
+                // The other channel must stay, so a copy of the texture is made in which this one is 1.
                 for (given, channel) in [(self.roughness, 1), (self.metallic, 2)] {
                     if given.is_some() {
                         let copy = textures[texture].with_channel_at_one(channel);
@@ -152,7 +154,7 @@ impl MaterialOverride {
     }
 }
 
-/// What a texture's texels mean, and so how they are averaged.
+/// What a texture's texels mean. It decides how they are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TexelEncoding {
     /// sRGB-encoded colour.
@@ -163,7 +165,7 @@ pub enum TexelEncoding {
     Normal,
 }
 
-/// What lies outside 0..1.
+/// How coordinates outside 0..1 are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Wrap {
     Repeat,
@@ -171,7 +173,7 @@ pub enum Wrap {
     ClampToEdge,
 }
 
-/// An RGBA8 image, row 0 on top (v = 0).
+/// An RGBA8 image. Row 0 is on top (v = 0).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     pub name: String,
@@ -181,7 +183,7 @@ pub struct Texture {
     pub texels: Vec<[u8; 4]>,
     pub encoding: TexelEncoding,
     pub wrap: [Wrap; 2],
-    /// Nearest magnification.
+    /// Whether the nearest texel is taken in magnification.
     pub nearest: bool,
 }
 

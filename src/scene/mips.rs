@@ -4,18 +4,19 @@ use super::material::{TexelEncoding, Texture};
 use crate::image_file::srgb::{linear_to_srgb, srgb_to_linear};
 use glam::Vec4;
 
-/// How many levels a texture of this size has down to 1×1.
+/// Returns how many levels a texture of this size has down to 1×1.
 pub fn level_count(size: [u32; 2]) -> u32 {
     size[0].max(size[1]).max(1).ilog2() + 1
 }
 
-/// The size of a level.
+/// Returns the size of a level.
 pub fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
     size.map(|s| (s >> level).max(1))
 }
 
-/// All levels from `first_level` on, one after another, R in the low byte. Each level is the box-filtered one above: sRGB
-/// colours are averaged in linear space, normals are averaged and made unit again.
+/// Returns all levels from `first_level` on, one after another, R in the low byte. Each level is the
+/// box-filtered one above. sRGB colours are averaged in linear space. Normals are averaged and made unit
+/// again.
 pub fn with_mips(texture: &Texture, first_level: u32) -> Vec<u32> {
     let decode_table: Vec<f32> = (0..256).map(|code| srgb_to_linear(code as f32 / 255.0)).collect();
     let decode = |texel: [u8; 4]| {
@@ -57,7 +58,8 @@ pub fn with_mips(texture: &Texture, first_level: u32) -> Vec<u32> {
     texels
 }
 
-/// Box filter to `to` from `from`: each new texel is the mean over its exact footprint, also where sizes are odd.
+/// Box-filters to `to` from `from`: each new texel is the mean over its exact footprint, even if sizes are
+/// odd.
 fn halve(texels: &[Vec4], from: [u32; 2], to: [u32; 2]) -> Vec<Vec4> {
     let columns: Vec<_> = (0..to[0]).map(|x| footprint(x, from[0], to[0])).collect();
     let mut out = Vec::with_capacity((to[0] * to[1]) as usize);
@@ -76,7 +78,7 @@ fn halve(texels: &[Vec4], from: [u32; 2], to: [u32; 2]) -> Vec<Vec4> {
     out
 }
 
-/// The texels under new texel `index`, with weights that sum to 1.
+/// Returns the texels under new texel `index`, with weights that sum to 1.
 fn footprint(index: u32, from: u32, to: u32) -> Vec<(u32, f32)> {
     let scale = from as f32 / to as f32;
     let (start, end) = (index as f32 * scale, (index + 1) as f32 * scale);

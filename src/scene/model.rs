@@ -1,5 +1,5 @@
-//! A model: meshes, materials, textures and the nodes that place them, as glTF loading, the built-in shapes and the
-//! built-in rooms all make it.
+//! A model: meshes, materials, textures and the nodes that place them. glTF loading, the built-in shapes and
+//! the built-in rooms all make it.
 
 use super::{
     animation::Transform,
@@ -16,27 +16,28 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Unit length.
     pub normals: Vec<Vec3>,
-    /// Empty: all zero.
+    /// If empty, all are zero.
     pub uvs: Vec<Vec2>,
-    /// As in glTF, `w` the bitangent's sign; zero: no normal mapping there. Empty: all zero.
+    /// As in glTF, `w` is the bitangent's sign. Zero means that there is no normal mapping. If empty, all are
+    /// zero.
     pub tangents: Vec<[f32; 4]>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
-    /// The material of each triangle, an index into the model's.
+    /// The material of each triangle: an index into the model's.
     pub materials: Vec<u32>,
 }
 
 /// How a node is placed in its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Local {
-    /// Can be animated.
+    /// A transform, which can be animated.
     Transform(Transform),
-    /// A matrix that need not be a product of the three.
+    /// A matrix, which need not be a product of the three.
     Matrix(Affine3A),
 }
 
 impl Local {
-    /// Node to parent.
+    /// Returns the matrix from node to parent.
     pub fn matrix(&self) -> Affine3A {
         match self {
             Self::Transform(transform) => transform.matrix(),
@@ -49,10 +50,10 @@ impl Local {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
     pub name: String,
-    /// Index of the parent, which comes earlier in the list.
+    /// The index of the parent, which comes earlier in the list.
     pub parent: Option<usize>,
     pub local: Local,
-    /// Index of its mesh.
+    /// The index of its mesh.
     pub mesh: Option<usize>,
 }
 
@@ -71,13 +72,13 @@ pub struct Model {
 /// The nodes of a model and what moves them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rig {
-    /// Parents come before their children.
+    /// The nodes. Parents come before their children.
     pub nodes: Vec<Node>,
     pub clips: Vec<Clip>,
 }
 
 impl Model {
-    /// One mesh of one material at the origin.
+    /// Makes a model of one mesh with one material, at the origin.
     pub fn from_mesh(mesh: Mesh, material: Material) -> Self {
         let name = mesh.name.clone();
         let local = Local::Transform(Transform::IDENTITY);
@@ -88,7 +89,8 @@ impl Model {
 }
 
 impl Model {
-    /// Adds another model's only mesh as a node of its own at `at`, with its materials and textures, and returns the node's index.
+    /// Adds another model's only mesh as a node at `at`, with its materials and textures. Returns the node's
+    /// index.
     pub fn add(&mut self, other: Self, at: Transform) -> usize {
         let (first_material, first_texture) = (self.materials.len() as u32, self.textures.len());
         let node = self.rig.nodes.len();
@@ -109,7 +111,7 @@ impl Model {
 }
 
 impl Rig {
-    /// Node-to-model matrices, with `clip` played at `time` seconds where one is given.
+    /// Returns node-to-model matrices, with `clip` played at `time` seconds if one is given.
     pub fn node_matrices(&self, clip: Option<(usize, f64)>) -> Vec<Affine3A> {
         let mut locals: Vec<Local> = self.nodes.iter().map(|node| node.local).collect();
         if let Some((clip, time)) = clip {

@@ -1,4 +1,5 @@
-//! Models to the arrays that the shaders read: triangles in leaf order, bottom-level trees, materials, texels.
+//! Packs models into the arrays that the shaders read: triangles in leaf order, bottom-level trees,
+//! materials, texels.
 
 use super::{
     bounds::Bounds,
@@ -10,18 +11,18 @@ use super::{
 use crate::{Error, Result};
 use glam::Vec3;
 
-/// Texels of all textures, at most: 128 MiB, the largest storage buffer that every Vulkan device allows. Beyond it the
-/// largest textures lose their finest levels.
+/// The most texels of all textures: 128 MiB, the largest storage buffer that every Vulkan device allows.
+/// Beyond it the largest textures lose their finest levels.
 pub const MAX_TEXELS: usize = 1 << 25;
-/// Triangles of all models, and vertices, at most (36 bytes each, again 128 MiB).
+/// The most triangles of all models, and the most vertices (36 bytes each, again 128 MiB).
 pub const MAX_ELEMENTS: usize = (1 << 27) / 36;
 
 /// Where a packed mesh is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackedMesh {
-    /// Root node of its bottom level.
+    /// The root node of its bottom level.
     pub root: u32,
-    /// Object space, metres.
+    /// The box in object space, metres.
     pub bounds: Bounds,
 }
 
@@ -29,15 +30,15 @@ pub struct PackedMesh {
 #[derive(Debug, Default)]
 pub struct Packed {
     pub scene: PackedScene,
-    /// For each model, for each of its meshes; `None` for a mesh without triangles.
+    /// An entry for each mesh of each model, `None` for a mesh without triangles.
     pub meshes: Vec<Vec<Option<PackedMesh>>>,
     pub warnings: Vec<String>,
 }
 
-/// Packs models to be placed `instances` times in all.
+/// Packs models that are placed `instances` times in all.
 ///
 /// # Errors
-/// A model that does not fit, or whose numbers cannot be used.
+/// Fails if a model does not fit, or if its numbers cannot be used.
 pub fn pack(models: &[&Model], instances: usize) -> Result<Packed> {
     let mut packed = Packed::default();
     let first_levels = fit_textures(models, &mut packed.warnings);
@@ -82,7 +83,7 @@ pub fn pack(models: &[&Model], instances: usize) -> Result<Packed> {
     Ok(packed)
 }
 
-/// The first mip level of each texture of all models that is kept.
+/// Returns the first mip level that is kept of each texture of all models.
 fn fit_textures(models: &[&Model], warnings: &mut Vec<String>) -> Vec<u32> {
     let textures: Vec<_> = models.iter().flat_map(|model| &model.textures).collect();
     let cost = |size: [u32; 2], first: u32| -> usize {
@@ -102,7 +103,7 @@ fn fit_textures(models: &[&Model], warnings: &mut Vec<String>) -> Vec<u32> {
     levels
 }
 
-/// In-memory models come from callers, so the arrays are checked here too.
+/// Callers may pass models from memory, so the arrays are checked here, too.
 fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
     let subject = || format!("{}: mesh {}", model.name, mesh.name);
     let vertices = mesh.positions.len();

@@ -1,14 +1,14 @@
-//! The scene as the shaders read it (scalar block layout): triangles in BVH leaf order, two-level BVH, materials,
-//! texels. `shaders/glsl/scene.glsl` declares the same structs.
+//! The scene as the shaders read it (scalar block layout): triangles in BVH leaf order, a two-level BVH,
+//! materials, texels. `shaders/glsl/scene.glsl` declares the same structs.
 
 use crate::gpu_struct;
 use glam::{Vec2, Vec3};
 
-/// "None" for texture and node indices.
+/// Stands for "none" in texture and node indices.
 pub const NONE: u32 = u32::MAX;
 
 gpu_struct! {
-    /// A triangle for intersection: first corner and the two edges from it, object space, metres.
+    /// A triangle for intersection: its first corner and the two edges from it, object space, metres.
     pub struct TriangleGeometry { pub v0: Vec3, pub e1: Vec3, pub e2: Vec3 }
 }
 gpu_struct! {
@@ -16,13 +16,15 @@ gpu_struct! {
     pub struct TriangleShading { pub v0: u32, pub v1: u32, pub v2: u32, pub material: u32 }
 }
 gpu_struct! {
-    /// A vertex; `tangent.w` is the bitangent's sign, as in glTF; zero tangent: no normal mapping.
+    /// A vertex. `tangent.w` is the bitangent's sign, as in glTF. A zero tangent means that there is no
+    /// normal mapping.
     pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: [f32; 4] }
 }
 gpu_struct! {
-    /// A node of a binary BVH holding both children's boxes. `count == 0`: `child` is a node (absolute index), or
-    /// [`NONE`] with an inverted box (min = +inf, max = -inf) where there is no such child; `count > 0`: a leaf,
-    /// `child` the first triangle (bottom level) or the instance (top level, count 1).
+    /// A node of a binary BVH. It holds both children's boxes. With `count == 0`, `child` is a node (absolute
+    /// index), or [`NONE`] with an inverted box (min = +inf, max = -inf) if there is no such child. With
+    /// `count > 0` it is a leaf, and `child` is the first triangle (bottom level) or the instance (top level,
+    /// count 1).
     pub struct BvhNode {
         pub min0: Vec3, pub child0: u32, pub max0: Vec3, pub count0: u32,
         pub min1: Vec3, pub child1: u32, pub max1: Vec3, pub count1: u32,
@@ -33,17 +35,18 @@ gpu_struct! {
     pub struct Instance {
         pub object_to_world: [[f32; 4]; 3],
         pub world_to_object: [[f32; 4]; 3],
-        /// Of the previous frame, for motion vectors.
+        /// The transform of the previous frame, for motion vectors.
         pub previous_object_to_world: [[f32; 4]; 3],
-        /// Root of the bottom-level BVH.
+        /// The root of the bottom-level BVH.
         pub root: u32,
-        /// Identifies the instance in the G-buffer, 1-based and stable over frames (0 is the real scene).
+        /// Identifies the instance in the G-buffer: 1-based and stable over frames. 0 is the real scene.
         pub id: u32,
         pub padding: [u32; 2],
     }
 }
 gpu_struct! {
-    /// glTF 2.0 metallic–roughness with KHR_materials_emissive_strength, _specular and _ior; factors linear.
+    /// A glTF 2.0 metallic–roughness material with KHR_materials_emissive_strength, _specular and _ior;
+    /// factors are linear.
     pub struct PackedMaterial {
         pub base_color: Vec3, pub metallic: f32,
         /// Emitted radiance.
@@ -58,14 +61,14 @@ gpu_struct! {
     }
 }
 gpu_struct! {
-    /// A texture: RGBA8 texels (R in the low byte) in the texel buffer, its mip levels one after another, each
-    /// `max(1, size >> level)`.
+    /// A texture: RGBA8 texels (R in the low byte) in the texel buffer. Its mip levels follow one another,
+    /// each `max(1, size >> level)`.
     pub struct PackedTexture {
-        /// First texel of level 0.
+        /// The first texel of level 0.
         pub offset: u32, pub width: u32, pub height: u32, pub levels: u32,
         /// 0 repeat, 1 mirrored repeat, 2 clamp to edge.
         pub wrap_u: u32, pub wrap_v: u32,
-        /// 1: texels are sRGB-encoded and are decoded before filtering (mips were averaged in linear).
+        /// 1: texels are sRGB-encoded and are decoded before filtering. Mips were averaged in linear space.
         pub srgb: u32,
         /// 1: nearest magnification.
         pub nearest: u32,
@@ -73,14 +76,14 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// A light without a surface, world space; see [`PunctualLight`](super::punctual::PunctualLight).
+    /// A light without a surface, in world space ([`PunctualLight`](super::punctual::PunctualLight)).
     pub struct Punctual {
         pub position: Vec3,
-        /// 1: parallel light along `direction`, and `position` has no meaning.
+        /// 1: the light is parallel along `direction`, and `position` has no meaning.
         pub directional: u32,
         pub direction: Vec3, pub range: f32,
         pub intensity: Vec3,
-        /// Of a cone: intensity · clamp(cos · scale + offset, 0, 1)².
+        /// The falloff of a cone: intensity · clamp(cos · scale + offset, 0, 1)².
         pub cone_scale: f32, pub cone_offset: f32,
     }
 }
@@ -91,19 +94,19 @@ pub struct PackedScene {
     pub triangles: Vec<TriangleGeometry>,
     pub shading: Vec<TriangleShading>,
     pub vertices: Vec<Vertex>,
-    /// Bottom-level nodes of all meshes.
+    /// The bottom-level nodes of all meshes.
     pub nodes: Vec<BvhNode>,
     pub materials: Vec<PackedMaterial>,
     pub textures: Vec<PackedTexture>,
     pub texels: Vec<u32>,
 }
 
-/// What changes from frame to frame: the instances and the top-level BVH over them (node 0 is its root; empty with no
-/// instance). `child` of top-level inner nodes is an index into `nodes` here.
+/// What changes from frame to frame: the instances and the top-level BVH over them. Node 0 is its root, and
+/// it is empty without instances. `child` of top-level inner nodes is an index into `nodes` here.
 #[derive(Clone, Debug, Default)]
 pub struct PackedInstances {
     pub instances: Vec<Instance>,
     pub nodes: Vec<BvhNode>,
-    /// The renderer has no use for them; scene truth does.
+    /// Only scene truth uses these.
     pub lights: Vec<Punctual>,
 }

@@ -1,4 +1,4 @@
-//! The built-in shapes, centred at the origin; `size` is the full extent along each axis, metres.
+//! The built-in shapes, centred at the origin. `size` is the full extent along each axis, metres.
 
 use super::model::Mesh;
 use glam::{Vec2, Vec3};
@@ -10,9 +10,9 @@ pub enum Shape {
     /// 64 × 32 quads, smooth.
     Sphere,
     Box,
-    /// In XZ, facing +Y.
+    /// It lies in XZ and faces +Y.
     Plane,
-    /// Its axis is Y; closed by discs.
+    /// Its axis is Y, and discs close it.
     Cylinder,
 }
 
@@ -22,7 +22,7 @@ impl Shape {
     /// All shapes.
     pub const ALL: [Self; 4] = [Self::Sphere, Self::Box, Self::Plane, Self::Cylinder];
 
-    /// The mesh, every triangle of material 0. `size` must be positive (a plane's y is not used).
+    /// Makes the mesh, with material 0 on every triangle. `size` must be positive (a plane's y is not used).
     pub fn mesh(self, size: Vec3) -> Mesh {
         let mut mesh = match self {
             Self::Sphere => lathe(&circle_profile(32), 64, size),
@@ -36,7 +36,7 @@ impl Shape {
     }
 }
 
-/// A point of a profile turned about Y: radius, height, normal (radial, up), v.
+/// A point of a profile that is turned about Y: radius, height, normal (radial, up), v.
 type ProfilePoint = (f32, f32, [f32; 2], f32);
 
 fn circle_profile(rings: u32) -> Vec<Vec<ProfilePoint>> {
@@ -56,7 +56,7 @@ fn cylinder_profile() -> Vec<Vec<ProfilePoint>> {
     ]
 }
 
-/// Turns profiles (each running downwards, outside to the right) about Y.
+/// Turns profiles about Y. Each runs downwards with the outside to the right.
 fn lathe(profiles: &[Vec<ProfilePoint>], sectors: u32, size: Vec3) -> Mesh {
     let mut mesh = Mesh::default();
     for profile in profiles {
@@ -106,7 +106,7 @@ fn plane(size: Vec3) -> Mesh {
     mesh
 }
 
-/// The face of a box towards `normal`, u to the right and v downwards seen from outside.
+/// Adds the face of a box towards `normal`. Seen from outside, u is to the right and v downwards.
 fn add_quad(mesh: &mut Mesh, normal: Vec3, up: Vec3, size: Vec3) {
     let first = mesh.positions.len() as u32;
     let right = up.cross(normal);

@@ -18,32 +18,31 @@ use std::{path::PathBuf, sync::Arc};
 #[derive(Clone, Debug)]
 pub struct Object {
     pub name: String,
-    /// Objects that share the same `Arc` share its packed triangles.
+    /// The model. Objects that share the same `Arc` share its packed triangles.
     pub model: Arc<Model>,
     pub placement: Placement,
-    /// Index of the clip that is played, in a loop.
+    /// The index of the clip that is played in a loop.
     pub clip: Option<usize>,
-    /// Factor on the clip's time.
+    /// A factor on the clip's time.
     pub speed: f64,
 }
 
-/// All that is rendered. Made by [`Scene::load`] from files, by [`Scene::assemble`] from memory.
+/// All that is rendered. [`Scene::load`] makes it from files, [`Scene::assemble`] from memory.
 #[derive(Clone, Debug)]
 pub struct Scene {
     pub name: String,
     pub panorama: PanoramaSource,
     pub camera: CameraTrack,
-    /// Triangles, materials and textures of all objects; shared by clones.
+    /// Triangles, materials and textures of all objects. Clones share them.
     pub packed: Arc<PackedScene>,
     pub render: RenderSettings,
-    /// The glTF file of the true real scene, where known.
+    /// The glTF file of the true real scene, if it is known.
     pub room: Option<PathBuf>,
     /// What is understood but not done, or was mended; one line each.
     pub warnings: Vec<String>,
     pub(super) placed: Vec<Placed>,
 }
 
-/// An object, its triangles packed.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     pub object: Object,
@@ -62,7 +61,7 @@ impl Scene {
     /// Packs objects into a scene.
     ///
     /// # Errors
-    /// A model whose arrays do not fit each other, or too many triangles.
+    /// Fails if the arrays of a model do not fit each other, or if there are too many triangles.
     pub fn assemble(
         name: &str,
         panorama: PanoramaSource,
@@ -75,10 +74,9 @@ impl Scene {
         Ok(Self { name: name.to_owned(), panorama, camera, packed, render, room: None, warnings, placed })
     }
 
-    /// Camera, instances and top level at `time_seconds`; `previous_time` is that of the frame before, for motion vectors
-    /// (the same time where there is none).
-    ///
-    /// An instance whose matrix cannot be inverted now is left out.
+    /// Returns camera, instances and top level at `time_seconds`. `previous_time` is that of the frame
+    /// before, for motion vectors (the same time if there is none). An instance whose matrix cannot be
+    /// inverted now is left out.
     pub fn at(&self, time_seconds: f64, previous_time: f64) -> SceneState {
         SceneState {
             camera: self.camera.at(time_seconds),
@@ -86,17 +84,17 @@ impl Scene {
         }
     }
 
-    /// How many instances there are at most; ids are 1 to this number.
+    /// Returns the largest number of instances. Ids are 1 to this number.
     pub fn instance_count(&self) -> usize {
         self.placed.iter().map(|placed| placed.instances.len()).sum()
     }
 
-    /// How many objects there are.
+    /// Returns the number of objects.
     pub fn object_count(&self) -> usize {
         self.placed.len()
     }
 
-    /// The name of the first object that ever moves.
+    /// Returns the name of the first object that ever moves.
     pub fn moving_object(&self) -> Option<&str> {
         let moves = |placed: &&Placed| {
             !placed.instances.is_empty() && (placed.object.clip.is_some() || !placed.object.placement.is_constant())
@@ -104,19 +102,19 @@ impl Scene {
         self.placed.iter().find(moves).map(|placed| placed.object.name.as_str())
     }
 
-    /// The name of the object that instance `id` belongs to.
+    /// Returns the name of the object that instance `id` belongs to.
     pub fn object_name(&self, id: u32) -> Option<&str> {
         let has = |placed: &&Placed| placed.instances.iter().any(|(_, _, instance)| *instance == id);
         self.placed.iter().find(has).map(|placed| placed.object.name.as_str())
     }
 
-    /// The world box of all instances of object `index` at `time_seconds`, metres.
+    /// Returns the world box of all instances of object `index` at `time_seconds`, metres.
     pub fn object_bounds(&self, index: usize, time_seconds: f64) -> Bounds {
         self.placed.get(index).map_or(Bounds::EMPTY, |placed| placed.bounds(time_seconds))
     }
 }
 
-/// Packs objects; what is unusual about them is told, one line each.
+/// Packs objects, and returns one line for each thing that is unusual about them.
 pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec<String>)> {
     let mut models: Vec<&Arc<Model>> = Vec::new();
     let model_of: Vec<usize> = objects
@@ -159,8 +157,8 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
     Ok((packed.scene, placed, warnings))
 }
 
-/// Instances, their top level and lights at a time; motion is since `previous_time`. An instance whose matrix cannot be inverted
-/// now is left out.
+/// Returns instances, their top level and lights at a time. Motion is since `previous_time`. An instance
+/// whose matrix cannot be inverted now is left out.
 pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time: f64) -> PackedInstances {
     let mut instances = Vec::new();
     let mut boxes = Vec::new();
@@ -192,7 +190,6 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
 }
 
 impl Placed {
-    /// Node to world.
     pub(super) fn matrices(&self, time: f64) -> Vec<Affine3A> {
         let object = &self.object;
         let world = object.placement.at(time).matrix();
@@ -200,7 +197,7 @@ impl Placed {
         nodes.into_iter().map(|node| world * node).collect()
     }
 
-    /// The world box of all its instances, metres.
+    /// Returns the world box of all its instances, metres.
     pub(super) fn bounds(&self, time: f64) -> Bounds {
         let matrices = self.matrices(time);
         let boxes = self.instances.iter().map(|(node, mesh, _)| mesh.bounds.transformed(&matrices[*node]));
@@ -208,7 +205,7 @@ impl Placed {
     }
 }
 
-/// The three rows of an affine matrix.
+/// Returns the three rows of an affine matrix.
 fn rows(matrix: &Affine3A) -> [[f32; 4]; 3] {
     let (linear, translation) = (matrix.matrix3, matrix.translation);
     [0, 1, 2].map(|row| [linear.x_axis[row], linear.y_axis[row], linear.z_axis[row], translation[row]])

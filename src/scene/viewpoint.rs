@@ -6,39 +6,38 @@ use glam::{Quat, Vec2, Vec3};
 /// How directions map to pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Projection {
-    /// A pinhole.
     Perspective,
-    /// All directions; the image centre is the camera's forward direction.
+    /// All directions. The image's centre is the camera's forward direction.
     Equirect,
 }
 
 /// Where a picture is taken from, relative to the panorama's centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewpoint {
-    /// Metres from the panorama's centre, world axes.
+    /// The distance from the panorama's centre in metres, along world axes.
     pub position: Vec3,
-    /// Camera to world.
+    /// The rotation from camera to world.
     pub rotation: Quat,
-    /// Tangents of half the horizontal and vertical angle; unused by equirect pictures.
+    /// Tangents of half the horizontal and vertical angle. Equirect pictures do not use them.
     pub tan_half: Vec2,
     /// The projection.
     pub projection: Projection,
 }
 
 impl Viewpoint {
-    /// A pinhole with a full vertical angle in degrees.
+    /// Makes a pinhole with a full vertical angle in degrees.
     pub fn perspective(position: Vec3, rotation: Quat, fov_y_degrees: f32, size: [u32; 2]) -> Self {
         let tan_y = (0.5 * fov_y_degrees.to_radians()).tan();
         let tan_half = Vec2::new(tan_y * size[0] as f32 / size[1] as f32, tan_y);
         Self { position, rotation, tan_half, projection: Projection::Perspective }
     }
 
-    /// A full panorama.
+    /// Makes a full panorama.
     pub fn equirect(position: Vec3, rotation: Quat) -> Self {
         Self { position, rotation, tan_half: Vec2::ONE, projection: Projection::Equirect }
     }
 
-    /// The unit direction of the ray through a pixel's centre, world axes.
+    /// Returns the unit direction of the ray through a pixel's centre, world axes.
     pub fn direction(&self, pixel: [u32; 2], size: [u32; 2]) -> Vec3 {
         let local = match self.projection {
             Projection::Equirect => texel_direction(pixel[0], pixel[1], size).as_vec3(),
@@ -50,12 +49,12 @@ impl Viewpoint {
         self.rotation * local
     }
 
-    /// Whether primary rays start at the panorama's centre, where the real surface is a look-up.
+    /// Says whether primary rays start at the panorama's centre. The real surface is then a look-up.
     pub fn centred(&self) -> bool {
         self.position.length() < 1e-5
     }
 
-    /// Angle that one pixel of a picture of this height spans, radians.
+    /// Returns the angle in radians that one pixel of a picture of this height spans.
     pub fn pixel_angle(&self, height: u32) -> f32 {
         match self.projection {
             Projection::Perspective => 2.0 * self.tan_half.y / height as f32,

@@ -20,38 +20,38 @@ use std::{f32::consts::PI, sync::Arc};
 /// Frames a second.
 pub const FPS: f64 = 30.0;
 
-/// Changes the capture of a frame.
+/// A change of a frame's capture.
 pub type Spoil = Box<dyn Fn(usize, &mut PanoramaFrame) + Sync>;
 
-/// A sequence. Frame n is shown at n/30 s.
+/// A sequence of frames. Frame n is shown at n/30 s.
 pub struct Film {
-    /// Its frames; those that are measured are up to the case.
+    /// The number of frames. The case decides which of them are measured.
     pub frames: usize,
-    /// Frames of the first moment before them.
+    /// How many frames show the first moment before them.
     pub warmup: usize,
-    /// The picture, pixels.
+    /// Width and height of the picture, pixels.
     pub size: [u32; 2],
-    /// The panorama, texels.
+    /// Width and height of the panorama, texels.
     pub panorama: [u32; 2],
-    /// By how much the panorama is turned, degrees; the world stays.
+    /// The turn of the panorama in degrees. The world stays as it is.
     pub yaw: f32,
-    /// Whether the real world changes: then each frame has its own panorama.
+    /// Whether the real world changes. Then each frame has its own panorama.
     pub video: bool,
     /// Settings that differ from the method's.
     pub set: Vec<(&'static str, &'static str)>,
-    /// The world of each frame. Things keep their number, form and look.
+    /// The world of each frame. The number, form and look of things do not change.
     pub world: Box<dyn Fn(usize) -> World + Sync>,
     /// What is wrong with the capture of each frame.
     pub spoil: Option<Spoil>,
 }
 
 impl Film {
-    /// A film in which nothing moves.
+    /// Makes a film in which nothing moves.
     pub fn still(size: [u32; 2], frames: usize, world: impl Fn() -> World + Sync + 'static) -> Self {
         Self { warmup: frames - 1, ..Self::moving(size, 1, move |_| world()) }
     }
 
-    /// A film in which things and camera may move; the real world stands still.
+    /// Makes a film in which things and camera may move. The real world stands still.
     pub fn moving(size: [u32; 2], frames: usize, world: impl Fn(usize) -> World + Sync + 'static) -> Self {
         Self {
             frames,
@@ -60,20 +60,20 @@ impl Film {
             panorama: [256, 128],
             yaw: 0.0,
             video: false,
-            // the truth takes real surfaces as captured
+            // The truth takes real surfaces as captured.
             set: vec![("relight_levels", "0")],
             world: Box::new(world),
             spoil: None,
         }
     }
 
-    /// The same with a setting.
+    /// Adds a setting.
     pub fn with(mut self, name: &'static str, value: &'static str) -> Self {
         self.set.push((name, value));
         self
     }
 
-    /// When a frame is shown, seconds.
+    /// Returns the time in seconds at which a frame is shown.
     pub fn time(&self, frame: usize) -> f64 {
         frame as f64 / FPS
     }
@@ -82,15 +82,15 @@ impl Film {
         (self.world)(if self.video { frame } else { 0 }).capture(self.panorama, self.yaw)
     }
 
-    /// What a frame's picture should be.
+    /// Returns what a frame's picture should be.
     pub fn truth(&self, frame: usize) -> WorldTruth {
         (self.world)(frame).truth(self.size, &self.capture(frame), self.yaw)
     }
 
-    /// What is rendered.
+    /// Makes the scene that is rendered.
     ///
     /// # Errors
-    /// None for the films of the suite.
+    /// Fails if the panorama's arrays do not fit, which does not happen for the films of the suite.
     pub fn scene(&self) -> Result<Scene> {
         let worlds: Vec<World> = (0..self.frames).map(|n| (self.world)(n)).collect();
         let videos = if self.video { self.frames } else { 1 };
@@ -131,7 +131,7 @@ impl Film {
     }
 }
 
-/// A ball whose facets no picture of the suite shows.
+/// Makes a ball so fine that no picture of the suite shows its facets.
 fn ball(radius: f32) -> Mesh {
     const RINGS: u32 = 96;
     let mut mesh = Mesh { name: "ball".into(), ..Default::default() };

@@ -1,8 +1,10 @@
-//! The stability suite: short sequences in which methods of this kind fail, each with a number, a limit and a picture, for `ibl`,
-//! `paper` and `iprt` side by side. What is asked in each case, and what was measured, is in `docs/stability.md`.
+//! The stability suite: short sequences in which methods of this kind fail. Each has a number, a limit and a
+//! picture, for `ibl`, `paper` and `iprt` side by side. `docs/stability.md` says what each case asks and what
+//! was measured.
 //!
-//! A [`Case`] is a value. Its truth is computed wherever it can be ([`world`]); where not, the case asks for an invariant: turning the
-//! panorama, a repeat with the same seed, an equilibrium. Each case names deliberate faults ([`Broken`]) that it must notice.
+//! A [`Case`] is a value. Its truth is computed wherever that is possible ([`world`]). Elsewhere the case
+//! asks for an invariant: a turned panorama, a repeat with the same seed, or an equilibrium. Each case names
+//! deliberate faults ([`Broken`]) that it must notice.
 
 pub mod cases;
 pub mod film;
@@ -27,57 +29,55 @@ use std::{
 };
 use world::WorldTruth;
 
-/// The methods, as tables show them.
+/// The methods that a run takes by default, in the order of the tables.
 pub const METHODS: [Method; 3] = [Method::Ibl, Method::Paper, Method::Iprt];
 
-/// One question.
+/// A case of the suite: one question.
 #[derive(Clone, Copy)]
 pub struct Case {
-    /// For the command line.
+    /// The name on the command line.
     pub name: &'static str,
-    /// What it asks, in a sentence.
+    /// The question, in a sentence.
     pub asks: &'static str,
-    /// What the number is.
+    /// What the number means.
     pub metric: &'static str,
-    /// Its unit, or empty.
+    /// The number's unit, or empty.
     pub unit: &'static str,
     /// The largest value that passes.
     pub limit: f64,
-    /// Why this limit.
+    /// The reason for this limit.
     pub reason: &'static str,
-    /// What it must notice. The last column of broken renderers.
+    /// The broken renderers that it must notice.
     pub catches: &'static [Broken],
-    /// Methods that theory says must fail.
+    /// Methods that must fail according to theory.
     pub must_fail: &'static [Method],
-    /// Does it.
+    /// Runs the case.
     pub run: fn(&Run) -> Result<Outcome>,
 }
 
 /// A renderer that is broken on purpose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Broken {
-    /// By a hook in its code.
     Fault(Fault),
-    /// By a setting.
     Setting(&'static str, &'static str),
 }
 
-/// What came out.
+/// The result of a case for one method.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The number; [`metric::NOT_FINITE`] where a picture is not finite.
+    /// The number, or [`metric::NOT_FINITE`] if a picture is not finite.
     pub value: f64,
     /// Width and height of the pictures.
     pub size: [u32; 2],
     /// The worst frame.
     pub worst: Texels,
-    /// What it should be.
+    /// What that frame should be.
     pub truth: Texels,
-    /// Factor on radiance to show them.
+    /// The factor on radiance with which they are shown.
     pub exposure: f32,
 }
 
-/// What runs of a suite share: the device, with its passes, and the truths.
+/// What the runs of a suite share: the device with its passes, and the truths.
 pub struct Suite {
     gpu: Gpu,
     quick: bool,
@@ -86,15 +86,15 @@ pub struct Suite {
 }
 
 impl Suite {
-    /// On a device. `quick`: smaller pictures, fewer frames.
+    /// Makes a suite on a device. `quick` takes smaller pictures and fewer frames.
     pub fn new(gpu: &Gpu, quick: bool) -> Self {
         Self { gpu: gpu.keeping_passes(), quick, set: Vec::new(), truths: Mutex::default() }
     }
 
-    /// With other settings, for every method.
+    /// Changes settings of every method.
     ///
     /// # Errors
-    /// An unknown setting or a bad value.
+    /// Fails if a setting is unknown or a value is bad.
     pub fn with(mut self, set: &[(&str, &str)]) -> Result<Self> {
         let mut settings = Settings::of(Method::Iprt);
         set.iter().try_for_each(|(name, value)| settings.set(name, value, "--set"))?;
@@ -105,42 +105,42 @@ impl Suite {
     /// Runs a case.
     ///
     /// # Errors
-    /// The renderer's.
+    /// Fails if a picture cannot be rendered.
     pub fn run(&self, case: &Case, method: Method, broken: Option<Broken>) -> Result<Outcome> {
         (case.run)(&Run { suite: self, case: case.name, method, broken })
     }
 }
 
-/// A case being run.
+/// A case that is being run.
 pub struct Run<'a> {
     suite: &'a Suite,
     case: &'static str,
-    /// The method.
+    /// The method that is tried.
     pub method: Method,
-    /// What is broken.
+    /// What is broken in the renderer.
     pub broken: Option<Broken>,
 }
 
 impl Run<'_> {
-    /// The usual picture, pixels.
+    /// Returns the usual picture's size, pixels.
     pub fn size(&self) -> [u32; 2] {
         if self.suite.quick { [48, 32] } else { [96, 64] }
     }
 
-    /// A number that is smaller in quick runs.
+    /// Returns a number that is smaller in quick runs.
     pub fn count(&self, full: usize, quick: usize) -> usize {
         if self.suite.quick { quick } else { full }
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn gpu(&self) -> &Gpu {
         &self.suite.gpu
     }
 
-    /// The method's settings, with the case's, the suite's, and what is broken last.
+    /// Returns the method's settings, changed by the case, then by the suite, and last by what is broken.
     ///
     /// # Errors
-    /// An unknown setting.
+    /// Fails if a setting is unknown.
     pub fn options(&self, size: [u32; 2], set: &[(&str, &str)]) -> Result<RenderOptions> {
         let mut settings = Settings::of(self.method);
         if self.suite.quick {
@@ -159,10 +159,10 @@ impl Run<'_> {
         Ok(RenderOptions { size, method: self.method, settings, projection, seed: 1, without_objects: false })
     }
 
-    /// A renderer for a scene.
+    /// Makes a renderer for a scene.
     ///
     /// # Errors
-    /// The renderer's.
+    /// Fails if the renderer cannot be made.
     pub fn renderer(&self, scene: &Scene, options: RenderOptions) -> Result<Renderer> {
         let fault = match self.broken {
             Some(Broken::Fault(fault)) => fault,
@@ -171,10 +171,10 @@ impl Run<'_> {
         Renderer::with_fault(self.gpu(), scene, options, fault)
     }
 
-    /// Every frame of a film.
+    /// Renders every frame of a film.
     ///
     /// # Errors
-    /// The renderer's.
+    /// Fails if a frame cannot be rendered.
     pub fn play(&self, film: &Film) -> Result<Vec<Texels>> {
         let mut pictures = Vec::with_capacity(film.frames);
         self.watch(film, |renderer| {
@@ -187,7 +187,7 @@ impl Run<'_> {
     /// Renders a film, and shows the renderer after each frame.
     ///
     /// # Errors
-    /// The renderer's.
+    /// Fails if a frame cannot be rendered.
     pub fn watch(&self, film: &Film, mut look: impl FnMut(&Renderer) -> Result<()>) -> Result<()> {
         let scene = film.scene()?;
         let mut renderer = self.renderer(&scene, self.options(film.size, &film.set)?)?;
@@ -202,7 +202,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The truth of a frame, computed once for all methods; `which` numbers the films of a case.
+    /// Returns the truth of a frame, computed once for all methods. `which` numbers the films of a case.
     pub fn truth(&self, film: &Film, which: usize, frame: usize) -> Arc<WorldTruth> {
         let key = (self.case, which * 100_000 + frame);
         let known = self.suite.truths.lock().unwrap_or_else(PoisonError::into_inner).get(&key).cloned();
@@ -213,10 +213,10 @@ impl Run<'_> {
         })
     }
 
-    /// Plays a film and takes the worst of some of its frames.
+    /// Renders a film and returns the worst value of some of its frames.
     ///
     /// # Errors
-    /// The renderer's; what `value` returns.
+    /// Fails if a frame cannot be rendered, or if `value` fails.
     pub fn worst(
         &self,
         film: &Film,

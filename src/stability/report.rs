@@ -1,4 +1,4 @@
-//! `stability.json`, a page for people, and the pictures.
+//! Writes the report: `stability.json`, a page for people, and the pictures.
 
 use super::{Case, Outcome, metric::shown};
 use crate::{Error, Result, image_file::write::write_bytes, settings::Method};
@@ -6,13 +6,13 @@ use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Map, Value, json};
 use std::{fmt::Write, fs, path::Path};
 
-/// A case with what each method made of it.
+/// A case and each method's result.
 pub struct Row {
     pub case: Case,
     pub results: Vec<(Method, Outcome)>,
 }
 
-/// What it was measured on.
+/// What the cases were measured on.
 pub struct Setup {
     pub device: String,
     pub driver: String,
@@ -22,7 +22,7 @@ pub struct Setup {
 }
 
 impl Row {
-    /// Whether a method's value is within the limit.
+    /// Says whether a method's value is within the limit.
     pub fn passes(&self, outcome: &Outcome) -> bool {
         outcome.value <= self.case.limit
     }
@@ -37,7 +37,7 @@ impl Row {
             "reason": case.reason, "results": results })
     }
 
-    /// A line for the terminal.
+    /// Returns a line for the terminal.
     pub fn line(&self) -> String {
         let mut line = format!("{:<22}", self.case.name);
         for (method, outcome) in &self.results {
@@ -49,7 +49,7 @@ impl Row {
     }
 }
 
-/// Four digits, or what stands for a picture with NaN.
+/// Writes a value with four digits, or says that the picture holds NaN.
 pub fn number(value: f64) -> String {
     match value {
         v if v >= super::metric::NOT_FINITE => "not finite".to_owned(),
@@ -60,7 +60,8 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// Worst frame, truth and difference side by side: width, height, 8-bit sRGB. The difference is of displayed values, grey ±½.
+/// Places worst frame, truth and difference side by side. Returns width, height and 8-bit sRGB. The
+/// difference is of displayed values, grey ±½.
 pub fn triptych(outcome: &Outcome) -> ([u32; 2], Vec<u8>) {
     let [width, height] = outcome.size;
     let zoom = (240 / width.max(1)).clamp(1, 16);
@@ -97,20 +98,21 @@ fn png(outcome: &Outcome) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Makes the folder of a report, where it does not exist.
+/// Makes the folder of a report if it does not exist.
 ///
 /// # Errors
-/// It cannot be made.
+/// Fails if the folder cannot be made.
 pub fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
         Error::input(folder.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
     })
 }
 
-/// Writes `stability.json`, `stability.html` and `CASE_METHOD.png` into a folder, which is made where it does not exist.
+/// Writes `stability.json`, `stability.html` and `CASE_METHOD.png` into a folder, which is made if it does
+/// not exist.
 ///
 /// # Errors
-/// The folder cannot be written.
+/// Fails if the folder cannot be written.
 pub fn write(folder: &Path, rows: &[Row], setup: &Setup) -> Result<()> {
     make_folder(folder)?;
     let mut body = String::new();

@@ -1,9 +1,11 @@
-//! Small worlds that are known in closed form: a box room, boxes in it, a lamp, a few virtual things. One description gives the panorama
-//! as a camera at the origin captures it, the scene that is rendered, and what the picture should be.
+//! Small worlds that are known in closed form: a box room, boxes in it, a lamp, a few virtual things. One
+//! description gives the panorama that a camera at the origin captures, the scene that is rendered, and what
+//! the picture should be.
 //!
-//! Real surfaces are diffuse and send what `paint` says; the lamp is a square that shines on top of that. Virtual things are Lambert
-//! surfaces, lamps, or mirrors. Light is followed as the model does with `relight_levels = 0`: real surfaces send their captured radiance,
-//! whoever looks at them; or, where a world is `relit`, mirrors show them in their new light.
+//! Real surfaces are diffuse and send what `paint` says. The lamp is a square that shines on top of that.
+//! Virtual things are Lambert surfaces, lamps or mirrors. Light is followed as the model does with
+//! `relight_levels = 0`: real surfaces send their captured radiance, whoever looks at them. In a world that
+//! is `relit`, mirrors show them in their new light.
 
 use crate::panorama::{
     mapping::{bilinear, coordinates_f32, texel_direction},
@@ -21,19 +23,19 @@ pub struct Block {
 }
 
 impl Block {
-    /// By its middle and full extents.
+    /// Makes a box from its middle and full extents.
     pub fn around(middle: Vec3, size: Vec3) -> Self {
         Self { low: middle - 0.5 * size, high: middle + 0.5 * size }
     }
 
-    /// Where a ray enters and leaves, if it meets it.
+    /// Returns where a ray enters and leaves the box, if it meets it.
     fn span(&self, origin: Vec3, d: Vec3) -> Option<[f32; 2]> {
         let (a, b) = ((self.low - origin) / d, (self.high - origin) / d);
         let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
         (enter < leave && leave > 0.0).then_some([enter, leave])
     }
 
-    /// The outward normal of the face that a point of the surface is on.
+    /// Returns the outward normal of the face that a point of the surface is on.
     fn normal(&self, point: Vec3) -> Vec3 {
         let half = 0.5 * (self.high - self.low);
         let at = (point - 0.5 * (self.high + self.low)) / half;
@@ -53,12 +55,10 @@ pub struct Lamp {
     pub radiance: Vec3,
 }
 
-/// What a virtual thing is like.
+/// The form of a virtual thing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Form {
-    /// A ball of this radius.
     Ball(f32),
-    /// A box of these extents.
     Box(Vec3),
 }
 
@@ -68,21 +68,21 @@ pub struct Thing {
     pub form: Form,
     /// Its middle.
     pub at: Vec3,
-    /// Of its Lambert surface.
+    /// The albedo of its Lambert surface.
     pub albedo: Vec3,
-    /// What it sends by itself.
+    /// The radiance that it sends by itself.
     pub emission: Vec3,
-    /// A perfect mirror instead.
+    /// Whether it is a perfect mirror instead.
     pub mirror: bool,
 }
 
 impl Thing {
-    /// A grey Lambert ball.
+    /// Makes a grey Lambert ball.
     pub fn ball(radius: f32, albedo: f32, at: Vec3) -> Self {
         Self { form: Form::Ball(radius), at, albedo: Vec3::splat(albedo), emission: Vec3::ZERO, mirror: false }
     }
 
-    /// A grey Lambert box.
+    /// Makes a grey Lambert box.
     pub fn block(size: Vec3, albedo: f32, at: Vec3) -> Self {
         Self { form: Form::Box(size), ..Self::ball(0.0, albedo, at) }
     }
@@ -126,7 +126,7 @@ pub struct Eye {
 /// What real surfaces send, by place and normal.
 pub type SurfaceRadiance = fn(Vec3, Vec3) -> Vec3;
 
-/// All of it at one time. The capture point is the origin.
+/// A world at one time. The capture point is the origin.
 #[derive(Clone, Debug)]
 pub struct World {
     /// The room, seen from inside.
@@ -137,7 +137,7 @@ pub struct World {
     pub paint: SurfaceRadiance,
     pub things: Vec<Thing>,
     pub eye: Eye,
-    /// Whether mirrors show real surfaces as the things light and shade them, not as captured.
+    /// Whether mirrors show real surfaces as the things light and shade them, and not as captured.
     pub relit: bool,
 }
 
@@ -151,30 +151,29 @@ pub struct WorldTruth {
     pub without: Vec<[f32; 4]>,
     /// The share of each pixel that shows real surfaces.
     pub coverage: Vec<f32>,
-    /// Where the real surface is along the pixel's centre.
+    /// The place of the real surface along the pixel's centre.
     pub position: Vec<Vec3>,
 }
 
 impl WorldTruth {
-    /// Pixels that are less than half real.
+    /// Returns the pixels that are less than half real.
     pub fn shows_things(&self) -> Vec<bool> {
         self.coverage.iter().map(|m| *m < 0.5).collect()
     }
 
-    /// Wholly real pixels that the things change by more than this share.
+    /// Returns the wholly real pixels that the things change by more than this share.
     pub fn changed(&self, share: f32) -> Vec<bool> {
         let sum = |t: &[f32; 4]| t[0] + t[1] + t[2];
         let pairs = self.texels.iter().zip(&self.without).zip(&self.coverage);
         pairs.map(|((a, b), m)| *m == 1.0 && (sum(a) - sum(b)).abs() > share * sum(b)).collect()
     }
 
-    /// Both: all that the things make of the picture.
+    /// Returns both: all pixels that the things make or change.
     pub fn concerned(&self) -> Vec<bool> {
         self.shows_things().iter().zip(self.changed(0.02)).map(|(a, b)| *a || b).collect()
     }
 }
 
-/// What a ray meets first.
 #[derive(Clone, Copy)]
 struct Hit {
     t: f32,
@@ -182,7 +181,7 @@ struct Hit {
     thing: Option<usize>,
 }
 
-/// Directions of one irradiance, and points on the lamp.
+/// The number of directions of one irradiance, and of points along a side of the lamp.
 const DIRECTIONS: u32 = 768;
 const LAMP_SIDE: u32 = 12;
 
@@ -218,12 +217,13 @@ impl World {
         })
     }
 
-    /// What a real surface sends, the lamp included.
+    /// Returns what a real surface sends, the lamp included.
     fn sent(&self, point: Vec3, normal: Vec3) -> Vec3 {
         (self.paint)(point, normal) + self.on_lamp(point).map_or(Vec3::ZERO, |lamp| lamp.radiance)
     }
 
-    /// Irradiance without and with the things. Paint is integrated over directions, the lamp over its area.
+    /// Returns irradiance without and with the things. Paint is integrated over directions, the lamp over its
+    /// area.
     fn irradiance(&self, x: Vec3, normal: Vec3, directions: u32, lamp_side: u32, turn: Vec2, depth: u32) -> [Vec3; 2] {
         let (tangent, other) = normal.any_orthonormal_pair();
         let origin = x + 1e-4 * normal;
@@ -265,7 +265,6 @@ impl World {
         [real, mixed]
     }
 
-    /// What a thing sends back along a ray.
     fn thing_radiance(&self, hit: &Hit, origin: Vec3, d: Vec3, turn: Vec2, depth: u32) -> Vec3 {
         let Some(thing) = hit.thing.map(|i| self.things[i]) else { return Vec3::ZERO };
         let point = origin + d * hit.t;
@@ -285,7 +284,6 @@ impl World {
         thing.emission + thing.albedo * mixed / PI
     }
 
-    /// What a ray brings.
     fn radiance(&self, origin: Vec3, d: Vec3, turn: Vec2, depth: u32) -> Vec3 {
         let real = self.real_hit(origin, d);
         match self.thing_hit(origin, d, real.t) {
@@ -299,14 +297,16 @@ impl World {
         }
     }
 
-    /// What the things add to a real surface's own radiance `painted`, with the paper's bound on its reflectance: 1/π.
+    /// Returns what the things add to a real surface's own radiance `painted`. Its reflectance is at most
+    /// 1/π, as in the paper.
     fn relight(&self, point: Vec3, normal: Vec3, painted: Vec3, turn: Vec2) -> Vec3 {
         let [before, after] = self.irradiance(point, normal, DIRECTIONS, LAMP_SIDE, turn, 1);
         (after - before) * (painted / before.max(Vec3::splat(1e-20))).min(Vec3::splat(1.0 / PI))
     }
 
-    /// The panorama that a camera at the origin takes, without the things: radiance is the mean of 4×4 rays a texel, depth that of
-    /// the one through its centre. `yaw_degrees` turns the panorama, not the world.
+    /// Returns the panorama that a camera at the origin takes, without the things. Radiance is the mean of
+    /// 4×4 rays a texel, depth that of the ray through its centre. `yaw_degrees` turns the panorama, not the
+    /// world.
     pub fn capture(&self, size: [u32; 2], yaw_degrees: f32) -> PanoramaFrame {
         let turn = glam::Quat::from_rotation_y(yaw_degrees.to_radians());
         const SIDE: u32 = 4;
@@ -354,8 +354,8 @@ impl World {
         }
     }
 
-    /// What the picture should be. What the camera sees of real surfaces is `panorama`'s, bilinear, so that its resolution is no one's
-    /// error; how it changes is the world's.
+    /// Returns what the picture should be. The camera sees real surfaces as `panorama` has them, bilinear, so
+    /// that its resolution is not counted as an error. How they change follows from the world.
     pub fn truth(&self, size: [u32; 2], panorama: &PanoramaFrame, yaw_degrees: f32) -> WorldTruth {
         let unturn = glam::Quat::from_rotation_y(-yaw_degrees.to_radians());
         let camera = crate::scene::camera::CameraTrack {
@@ -377,7 +377,8 @@ impl World {
             let real = self.real_hit(eye, d);
             let point = eye + d * real.t;
             let captured = bilinear(panorama, (unturn * point).normalize());
-            // what is seen of either kind nearest to the pixel's centre stands for all of it
+            // The real and virtual points nearest to the pixel's centre stand for all that the pixel shows of
+            // either kind.
             let (mut share, mut nearest, mut shown, mut lit) = (0.0, [f32::INFINITY; 2], None, (real, point));
             for k in 0..16 {
                 let offset = r2(k, Vec2::splat(0.5));

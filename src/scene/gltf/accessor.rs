@@ -1,4 +1,4 @@
-//! Accessors: typed arrays in buffers, checked before anything is read or allocated.
+//! Accessors are typed arrays in buffers. They are checked before anything is read or allocated.
 
 use super::File;
 use crate::Result;
@@ -7,10 +7,9 @@ use ::gltf::json::{
     validation::Checked,
 };
 
-/// Elements of an accessor without a buffer (all zero), at most; others are bounded by their buffer.
+/// The most elements of an accessor without a buffer (all zero). Others are bounded by their buffer.
 const MAX_ZEROS: usize = 1 << 22;
 
-/// The elements of an accessor, one after another.
 pub(super) struct Elements {
     bytes: Vec<u8>,
     component: ComponentType,
@@ -19,7 +18,7 @@ pub(super) struct Elements {
     pub count: usize,
 }
 
-/// The bytes of a buffer view and its stride.
+/// Returns the bytes of a buffer view and its stride.
 pub(super) fn view<'f>(file: &'f File, index: usize, user: &str) -> Result<(&'f [u8], Option<usize>)> {
     let Some(view) = file.root.buffer_views.get(index) else {
         return Err(file.broken(format!("{user}: buffer view {index} does not exist")));
@@ -66,7 +65,7 @@ fn gather(file: &File, view_index: usize, offset: u64, count: usize, size: usize
     Ok(out)
 }
 
-/// Reads accessor `index`; `user` names it in errors.
+/// Reads accessor `index`. `user` names it in errors.
 pub(super) fn elements(file: &File, index: usize, user: &str) -> Result<Elements> {
     let Some(accessor) = file.root.accessors.get(index) else {
         return Err(file.broken(format!("{user}: accessor {index} does not exist")));
@@ -129,7 +128,7 @@ impl Elements {
         }
     }
 
-    /// Finite vectors of `N` numbers.
+    /// Returns finite vectors of `N` numbers.
     pub(super) fn vectors<const N: usize>(&self, file: &File, user: &str) -> Result<Vec<[f32; N]>> {
         if self.components != N {
             return Err(file.broken(format!("{user}: has {} components, not {N}", self.components)));
@@ -143,7 +142,6 @@ impl Elements {
         Ok(numbers.chunks_exact(N).map(vector).collect())
     }
 
-    /// Unsigned whole numbers.
     pub(super) fn indices(&self, file: &File, user: &str) -> Result<Vec<u32>> {
         let unsigned_type = matches!(self.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
         if self.components != 1 || !unsigned_type {

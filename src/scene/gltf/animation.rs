@@ -1,4 +1,4 @@
-//! Animations of rigid nodes.
+//! Reads animations of rigid nodes.
 
 use super::{File, accessor};
 use crate::{
@@ -11,7 +11,7 @@ use ::gltf::json::{
 };
 use glam::Vec4;
 
-/// Reads all clips; `place` is where each node of the file went in the model.
+/// Reads all clips. `place` maps nodes of the file to nodes of the model.
 pub(super) fn load(file: &mut File, place: &[Option<usize>]) -> Result<Vec<Clip>> {
     let root = file.root;
     let mut clips = Vec::new();

@@ -1,5 +1,6 @@
-//! [`Model`]s to binary glTF 2.0, such that [`load`](super::load) gives the same model again: nodes, meshes (one primitive a
-//! material), materials with the extensions that are read, textures as PNG inside the file, clips.
+//! Writes [`Model`]s as binary glTF 2.0 such that [`load`](super::load) gives the same model again: nodes,
+//! meshes (one primitive a material), materials with the extensions that are read, textures as PNG inside the
+//! file, clips.
 
 use super::SUPPORTED;
 use crate::{
@@ -30,10 +31,10 @@ use glam::{Mat4, Vec3};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::{borrow::Cow, collections::BTreeMap};
 
-/// The bytes of a `.glb` file.
+/// Returns the bytes of a `.glb` file.
 ///
 /// # Errors
-/// A texture or file that is too large to be written.
+/// Fails if a texture or the file is too large to be written.
 pub fn to_glb(model: &Model) -> Result<Vec<u8>> {
     let mut file = Writer::default();
     for texture in &model.textures {
@@ -112,7 +113,7 @@ impl Writer {
         })
     }
 
-    /// Texture `i` of the model is texture, sampler and image `i` of the file.
+    /// Texture `i` of the model becomes texture, sampler and image `i` of the file.
     fn texture(&mut self, source: &Texture) -> Result<()> {
         let mut png = Vec::new();
         let opaque = source.texels.iter().all(|texel| texel[3] == 255);
@@ -162,7 +163,7 @@ impl Writer {
                 extras: Default::default(),
             })
         };
-        // Factors end at 1: a power of two goes over into the strength, which keeps every bit.
+        // Factors end at 1. A power of two moves into the strength, which keeps every bit.
         let most = source.emissive.max_element();
         let strength = if most > 1.0 { most.log2().ceil().exp2() } else { 1.0 };
         let [r, g, b] = source.base_color.to_array();
@@ -205,7 +206,7 @@ impl Writer {
         }
     }
 
-    /// One primitive a material, each with the vertices that it uses, in their order.
+    /// Makes one primitive a material, each with the vertices that it uses, in their order.
     fn primitives(&mut self, mesh: &Mesh, materials: usize) -> Vec<Primitive> {
         let mut primitives = Vec::new();
         for material in 0..materials as u32 {

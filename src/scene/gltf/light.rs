@@ -1,4 +1,4 @@
-//! Lights without a surface: KHR_lights_punctual.
+//! Reads lights without a surface (KHR_lights_punctual).
 
 use super::File;
 use crate::{
@@ -9,7 +9,7 @@ use ::gltf::json::{extensions::scene::khr_lights_punctual::Type, validation::Che
 use glam::Vec3;
 use std::f32::consts::FRAC_PI_2;
 
-/// The lights of the nodes that the scene holds; `place` is where each node of the file went in the model.
+/// Reads the lights of the nodes that the scene holds. `place` maps nodes of the file to nodes of the model.
 pub(super) fn load(file: &File, place: &[Option<usize>]) -> Result<Vec<PunctualLight>> {
     let known = file.root.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
     let mut lights = Vec::new();

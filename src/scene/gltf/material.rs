@@ -1,4 +1,4 @@
-//! Materials and textures of a glTF file.
+//! Reads materials and textures of a glTF file.
 
 use super::{File, resource};
 use crate::{
@@ -15,7 +15,8 @@ use ::gltf::{
 use glam::{Mat2, Vec2, Vec3};
 use std::collections::{HashMap, hash_map::Entry};
 
-/// Which texture coordinates a material uses, and how it moves them: KHR_texture_transform, baked into the vertices.
+/// Which texture coordinates a material uses, and how KHR_texture_transform moves them. It is baked into the
+/// vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct UvSource {
     pub set: u32,
@@ -27,19 +28,18 @@ impl UvSource {
     const PLAIN: Self = Self { set: 0, offset: Vec2::ZERO, linear: Mat2::IDENTITY };
 
     fn new(set: u32, offset: [f32; 2], rotation: f32, scale: [f32; 2]) -> Self {
-        // Counter-clockwise as seen, with v growing downwards.
+        // The rotation is counter-clockwise as seen, with v growing downwards.
         let (sin, cos) = rotation.sin_cos();
         let rotate = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
         Self { set, offset: Vec2::from(offset), linear: rotate * Mat2::from_diagonal(Vec2::from(scale)) }
     }
 
-    /// The coordinates that the textures are read at.
+    /// Returns the coordinates at which the textures are read.
     pub(super) fn apply(&self, uv: Vec2) -> Vec2 {
         self.offset + self.linear * uv
     }
 }
 
-/// A texture as a material names it.
 struct TextureUse {
     texture: usize,
     uv: UvSource,
@@ -47,7 +47,8 @@ struct TextureUse {
 
 /// The materials used so far. Only these are decoded.
 pub(super) struct Materials {
-    /// Model material, texture coordinates, has a normal map; the last entry is the default material.
+    /// Model material, texture coordinates, and whether it has a normal map. The last entry is the default
+    /// material.
     known: Vec<Option<(u32, UvSource, bool)>>,
     textures: HashMap<(usize, TexelEncoding), usize>,
     images: HashMap<usize, ([u32; 2], Vec<[u8; 4]>)>,
@@ -58,7 +59,8 @@ impl Materials {
         Self { known: vec![None; count + 1], textures: HashMap::new(), images: HashMap::new() }
     }
 
-    /// Material `index` (`None`: glTF's default): its place in the model, its texture coordinates, has it a normal map.
+    /// Returns the place of material `index` in the model (`None`: glTF's default), its texture coordinates,
+    /// and whether it has a normal map.
     pub(super) fn get(
         &mut self,
         file: &mut File,
@@ -211,7 +213,7 @@ fn uv_from_json(set: u32, transform: Option<&serde_json::Value>) -> UvSource {
     )
 }
 
-/// Factors outside what glTF allows.
+/// Refuses factors outside what glTF allows.
 fn check(file: &File, material: &Material, index: usize) -> Result<()> {
     let parts = [material.metallic, material.roughness, material.specular];
     let colors = [material.base_color, material.specular_color, material.emissive];

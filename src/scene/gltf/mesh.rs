@@ -1,4 +1,4 @@
-//! Meshes: all primitives of one mesh become one triangle list with a material for each triangle.
+//! Reads meshes. All primitives of one mesh become one triangle list with a material for each triangle.
 
 use super::{File, accessor, material::Materials, material::UvSource, tangent};
 use crate::{
@@ -11,7 +11,6 @@ use ::gltf::{
 };
 use glam::{Vec2, Vec3};
 
-/// One primitive, decoded.
 struct DecodedPrimitive {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
@@ -20,7 +19,7 @@ struct DecodedPrimitive {
     triangles: Vec<[u32; 3]>,
 }
 
-/// Reads mesh `index`; its materials and textures are added to `model`.
+/// Reads mesh `index`, and adds its materials and textures to `model`.
 pub(super) fn load(file: &mut File, index: usize, materials: &mut Materials, model: &mut Model) -> Result<Mesh> {
     let root = file.root;
     let source = &root.meshes[index];
@@ -150,7 +149,7 @@ impl DecodedPrimitive {
         (b - a).cross(c - a).normalize_or_zero().as_vec3()
     }
 
-    /// Gives every triangle its own vertices and flat normals, as glTF asks for where there are no normals.
+    /// Gives every triangle its own vertices and flat normals. glTF asks for this where there are no normals.
     fn unweld(&mut self) {
         let corners: Vec<usize> = self.triangles.iter().flatten().map(|vertex| *vertex as usize).collect();
         self.normals = self.triangles.iter().flat_map(|triangle| [self.face_normal(triangle); 3]).collect();
@@ -160,7 +159,7 @@ impl DecodedPrimitive {
         self.triangles = (0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     }
 
-    /// Makes normals unit; one without length becomes the mean of its triangles'.
+    /// Makes normals unit. One without length becomes the mean of its triangles'.
     fn mend_normals(&mut self) {
         let lacking: Vec<bool> = self.normals.iter().map(|normal| normal.try_normalize().is_none()).collect();
         if lacking.contains(&true) {

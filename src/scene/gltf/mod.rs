@@ -1,10 +1,11 @@
-//! glTF 2.0 files to [`Model`]s.
+//! Loads glTF 2.0 files as [`Model`]s.
 //!
-//! Taken: triangles (lists, strips, fans; with or without indices, interleaved, sparse), normals (flat where missing),
-//! tangents (from the file, else MikkTSpace where there is a normal map), one texture coordinate set a material with
-//! KHR_texture_transform baked in, metallic–roughness materials with KHR_materials_emissive_strength, _specular and _ior,
-//! node hierarchies, rigid animation, KHR_lights_punctual. What else a file uses is named in a warning and left out; an extension that a file
-//! *requires* and that is not known is an error. Nothing a file says is trusted before it is checked.
+//! These are read: triangles (lists, strips, fans; with or without indices, interleaved, sparse), normals
+//! (flat if missing), tangents (from the file, else MikkTSpace if there is a normal map), one texture
+//! coordinate set a material with KHR_texture_transform baked in, metallic–roughness materials with
+//! KHR_materials_emissive_strength, _specular and _ior, node hierarchies, rigid animation, and
+//! KHR_lights_punctual. A warning names whatever else a file uses, and it is left out. An unknown extension
+//! that a file *requires* is an error. Nothing a file says is trusted before it is checked.
 
 mod accessor;
 mod animation;
@@ -27,7 +28,6 @@ use ::gltf::json::{
 use glam::{Affine3A, Mat4, Quat, Vec3};
 use std::{collections::BTreeSet, path::Path};
 
-/// Extensions that are read.
 const SUPPORTED: [&str; 5] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -36,10 +36,10 @@ const SUPPORTED: [&str; 5] = [
     "KHR_texture_transform",
 ];
 
-/// Loads a `.gltf` or `.glb` file; the warnings name what was left out.
+/// Loads a `.gltf` or `.glb` file. The warnings name what was left out.
 ///
 /// # Errors
-/// The file or one that it names cannot be read, or is broken.
+/// Fails if the file, or one that it names, cannot be read or is broken.
 pub fn load(path: &Path) -> Result<(Model, Vec<String>)> {
     let subject = path.display().to_string();
     let bytes = read::read_bytes(path)?;
@@ -56,7 +56,7 @@ fn parse(bytes: &[u8], subject: &str) -> Result<::gltf::Gltf> {
     if bytes.is_empty() {
         return Err(broken("the file is empty"));
     }
-    // The parser subtracts the header's size from the length the file states.
+    // The parser subtracts the header's size from the length that the file states.
     if bytes.starts_with(b"glTF") {
         let stated = bytes.get(8..12).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
         if bytes.len() < 20 || stated < 20 || stated as usize > bytes.len() {
@@ -71,7 +71,7 @@ fn parse(bytes: &[u8], subject: &str) -> Result<::gltf::Gltf> {
     Ok(gltf)
 }
 
-/// The glTF crate's validation, but for what is allowed, or missing and not needed.
+/// Runs the glTF crate's validation, and passes over what is allowed here, or is missing and not needed.
 fn validate(root: &json::Root, broken: &dyn Fn(&str) -> Error) -> Result<()> {
     // The crate's check of positions indexes the accessors before it has checked the index.
     let position = Checked::Valid(::gltf::Semantic::Positions);
@@ -97,20 +97,18 @@ fn validate(root: &json::Root, broken: &dyn Fn(&str) -> Error) -> Result<()> {
     }
 }
 
-/// A file while it is being read.
 struct File<'a> {
     subject: String,
     folder: &'a Path,
     document: &'a ::gltf::Document,
     root: &'a json::Root,
     buffers: Vec<Vec<u8>>,
-    /// Distinct, in alphabetical order.
+    /// Distinct warnings, in alphabetical order.
     warnings: BTreeSet<String>,
     /// Vertices and triangle corners read so far.
     corners: usize,
 }
 
-/// Vertices and triangle corners of one file, at most.
 const MAX_CORNERS: usize = 1 << 25;
 
 impl<'a> File<'a> {
@@ -187,7 +185,8 @@ impl<'a> File<'a> {
         Ok(model)
     }
 
-    /// Nodes of the default scene (else the first; else all), each with its parent, parents first.
+    /// Returns the nodes of the default scene (else the first, else all), each with its parent, parents
+    /// first.
     fn node_order(&self) -> Result<Vec<(usize, Option<usize>)>> {
         let nodes = &self.root.nodes;
         let scene = self.root.scene.map_or(0, |scene| scene.value());

@@ -1,11 +1,11 @@
-//! Buffers and images that a glTF file names: inside it, in data URIs, in files beside it.
+//! Reads buffers and images that a glTF file names: inside it, in data URIs, or in files beside it.
 
 use super::File;
 use crate::{Error, Result, image_file::read};
 use image::{ImageFormat, ImageReader, Limits};
 use std::{io::Cursor, path::PathBuf};
 
-/// All buffers, each at least as long as it says.
+/// Reads all buffers. Each is at least as long as it says.
 pub(super) fn buffers(file: &File, blob: Option<&[u8]>) -> Result<Vec<Vec<u8>>> {
     let mut buffers = Vec::new();
     for (index, buffer) in file.root.buffers.iter().enumerate() {
@@ -24,7 +24,6 @@ pub(super) fn buffers(file: &File, blob: Option<&[u8]>) -> Result<Vec<Vec<u8>>> 
     Ok(buffers)
 }
 
-/// The bytes that a URI names.
 fn fetch(file: &File, uri: &str, name: &str) -> Result<Vec<u8>> {
     let shown = || read::one_line(&uri.chars().take(60).collect::<String>());
     if let Some(data) = uri.strip_prefix("data:") {
@@ -53,7 +52,6 @@ fn fetch(file: &File, uri: &str, name: &str) -> Result<Vec<u8>> {
     })
 }
 
-/// An image as RGBA8.
 pub(super) fn image(file: &File, index: usize) -> Result<([u32; 2], Vec<[u8; 4]>)> {
     let name = format!("image {index}");
     let Some(image) = file.root.images.get(index) else {

@@ -1,17 +1,14 @@
-//! Tangents by MikkTSpace, the algorithm that glTF prescribes where a file has none.
+//! Computes tangents by MikkTSpace, the algorithm that glTF prescribes where a file has none.
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use std::collections::HashMap;
 
 /// Triangles whose vertices can be split.
 pub(super) trait Corners: Sized {
-    /// Vertices, triangles.
     fn counts(&self) -> (usize, usize);
-    /// The vertex of a corner.
     fn vertex(&self, triangle: usize, corner: usize) -> u32;
-    /// Of a vertex.
     fn position_normal_uv(&self, vertex: u32) -> ([f32; 3], [f32; 3], [f32; 2]);
-    /// Replaces the vertices by (old vertex, tangent) and the triangles.
+    /// Replaces the vertices by (old vertex, tangent), and the triangles.
     fn rebuild(self, vertices: &[(u32, [f32; 4])], triangles: Vec<[u32; 3]>) -> Self;
 }
 
@@ -48,8 +45,8 @@ impl<C: Corners> Geometry for Work<'_, C> {
     }
 }
 
-/// Gives every corner its tangent; vertices whose corners disagree are split. Corners without one get zero, which
-/// switches normal mapping off there.
+/// Gives every corner its tangent. Vertices whose corners disagree are split. Corners without one get zero,
+/// which switches normal mapping off there.
 pub(super) fn generate<C: Corners>(corners: C) -> C {
     let (_, triangles) = corners.counts();
     let mut work = Work { corners: &corners, tangents: vec![[0.0; 4]; triangles * 3] };

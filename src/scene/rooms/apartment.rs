@@ -1,6 +1,7 @@
 //! `apartment`: a living room 5 m × 4.5 m × 2.7 m with a large window, a floor lamp and a textured floor.
 //!
-//! Plan (metres, origin below the capture point): x from −2.4 (window) to 2.6 (bookcase), z from −3 (sofa) to 1.5 (door).
+//! Plan (metres, origin below the capture point): x from −2.4 (window) to 2.6 (bookcase), z from −3 (sofa) to
+//! 1.5 (door).
 
 use super::furniture::{self, Upholstery, place};
 use super::kit::{Builder, block};
@@ -15,7 +16,7 @@ const MIN: Vec3 = vec3(-2.4, 0.0, -3.0);
 const MAX: Vec3 = vec3(2.6, 2.7, 1.5);
 const WINDOW: Opening = Opening { low: vec2(-2.05, 0.82), high: vec2(-0.15, 2.28), depth: 0.24 };
 
-/// The room, its virtual objects and the view on them.
+/// Makes the room, its virtual objects and the view of them.
 pub fn apartment() -> Room {
     let mut b = Builder::default();
     shell(&mut b);
@@ -36,7 +37,6 @@ pub fn apartment() -> Room {
     }
 }
 
-/// Floor, ceiling, walls with the window's opening, skirting and cornice.
 fn shell(b: &mut Builder) {
     let floor = b.painted("floor", textures::planks());
     let ceiling = b.paint("ceiling", [0.80, 0.80, 0.78]);
@@ -50,11 +50,11 @@ fn shell(b: &mut Builder) {
     );
 }
 
-/// Reveal, frame, mullions, sill, and the bright outside.
+/// Adds reveal, frame, mullions, sill, and the bright outside.
 fn window(b: &mut Builder) {
     let Opening { low, high, .. } = WINDOW;
     let reveal = b.paint("reveal", [0.74, 0.74, 0.72]);
-    // Above the horizon the sky, below it the sunlit street.
+    // Above the horizon is the sky, below it the sunlit street.
     let sky = b.light("sky", [6.6, 8.0, 9.8]);
     let haze = b.light("haze", [7.6, 8.0, 8.2]);
     let street = b.light("street", [3.4, 3.3, 2.9]);
@@ -104,7 +104,7 @@ fn furnish(b: &mut Builder) {
 
     let rug = b.painted("rug", textures::rug());
     let lying = block(vec3(-1.35, 0.0, -0.9), vec3(1.35, 0.012, 0.9));
-    // One picture over the top: planar coordinates for every face.
+    // One picture covers the top, with planar coordinates for every face.
     let mut lying = lying;
     for (uv, p) in lying.uvs.iter_mut().zip(&lying.positions) {
         *uv = vec2((p.x + 1.35) / 2.7, (p.z + 0.9) / 1.8);

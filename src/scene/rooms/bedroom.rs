@@ -1,7 +1,8 @@
-//! `bedroom`: 4.2 m × 3.9 m × 2.5 m at night. One small warm lamp beside the bed, a little moonlight between the curtains, and
-//! corners that are nearly dark.
+//! `bedroom`: 4.2 m × 3.9 m × 2.5 m at night, with one small warm lamp beside the bed, a little moonlight
+//! between the curtains, and corners that are nearly dark.
 //!
-//! Plan (metres, origin below the capture point): x from −2.3 (window) to 1.9 (wardrobe), z from −2.4 (headboard) to 1.5 (door).
+//! Plan (metres, origin below the capture point): x from −2.3 (window) to 1.9 (wardrobe), z from −2.4
+//! (headboard) to 1.5 (door).
 
 use super::furniture::{self, place};
 use super::kit::{Builder, block, quad};
@@ -16,7 +17,7 @@ const MIN: Vec3 = vec3(-2.3, 0.0, -2.4);
 const MAX: Vec3 = vec3(1.9, 2.5, 1.5);
 const WINDOW: Opening = Opening { low: vec2(-1.25, 0.95), high: vec2(0.05, 2.1), depth: 0.2 };
 
-/// The room, its virtual objects and the view on them.
+/// Makes the room, its virtual objects and the view of them.
 pub fn bedroom() -> Room {
     let mut b = Builder::default();
     let floor = b.painted("floor", textures::dark_planks());
@@ -46,7 +47,7 @@ pub fn bedroom() -> Room {
     }
 }
 
-/// Reveal, cross bars, sill, curtains half drawn, and the night outside.
+/// Adds reveal, cross bars, sill, curtains half drawn, and the night outside.
 fn window(b: &mut Builder) {
     let Opening { low, high, depth } = WINDOW;
     let night = b.light("night", [0.05, 0.075, 0.13]);
@@ -123,7 +124,7 @@ fn furnish(b: &mut Builder) {
     }
     let canvas = b.painted("landscape", textures::picture(0));
     furniture::picture(b, place(-0.55, 1.55, MAX.z, 180.0), vec2(0.56, 0.70), canvas, black);
-    // A poster without a frame, on the wall between wardrobe and bed.
+    // A poster without a frame hangs on the wall between wardrobe and bed.
     let poster = b.painted("poster", textures::picture(1));
     let sheet = quad(vec3(-0.3, -0.4, 0.002), Vec3::X * 0.6, Vec3::Y * 0.8).uv_scaled(vec2(1.0 / 0.6, 1.0 / 0.8));
     b.add(sheet, place(MAX.x, 1.55, -1.35, -90.0), poster);

@@ -5,7 +5,7 @@ use super::things;
 use crate::scene::Object;
 use glam::{Quat, Vec3, vec3};
 
-/// What lies on the bed, stands beside it and flies over it.
+/// Makes what lies on the bed, stands beside it and flies over it.
 pub fn bedroom() -> Vec<Object> {
     let lean = Quat::from_rotation_y(0.35) * Quat::from_rotation_x(-0.85);
     vec![

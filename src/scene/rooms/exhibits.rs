@@ -1,18 +1,18 @@
-//! What furnishes the gallery, built as in [`furniture`](super::furniture).
+//! The furniture of the gallery, built as in [`furniture`](super::furniture).
 
 use super::furniture::{centred, lifted, place};
 use super::kit::{Builder, Solid, block, lathe, rounded_block, sphere, tube};
 use super::textures;
 use glam::{Affine3A, Vec2, Vec3, vec2, vec3};
 
-/// A white box to show things on, `size.y` high.
+/// Makes a white box to show things on, `size.y` high.
 pub fn plinth(b: &mut Builder, at: Affine3A, size: Vec3, paint: u32) {
     b.add(block(vec3(-size.x * 0.5, 0.03, -size.z * 0.5), vec3(size.x * 0.5, size.y, size.z * 0.5)), at, paint);
     let foot = vec3(size.x - 0.05, 0.04, size.z - 0.05);
     b.add(centred(vec3(0.0, 0.014, 0.0), foot), at, paint);
 }
 
-/// The ring where a post meets the floor.
+/// Makes the ring where a post meets the floor.
 pub fn collar(radius: f32) -> Solid {
     lathe(
         &[
@@ -26,7 +26,7 @@ pub fn collar(radius: f32) -> Solid {
     )
 }
 
-/// Stanchions, 0.95 m high, with a rope from each to the next.
+/// Makes stanchions, 0.95 m high, with a rope from each to the next.
 pub fn barrier(b: &mut Builder, stands: &[Vec3], metal: u32, rope: u32) {
     for &stand in stands {
         let at = Affine3A::from_translation(stand);
@@ -56,7 +56,7 @@ pub fn barrier(b: &mut Builder, stands: &[Vec3], metal: u32, rope: u32) {
     }
 }
 
-/// A bench with a slatted seat at 0.44 m on two steel frames.
+/// Makes a bench with a slatted seat at 0.44 m on two steel frames.
 pub fn bench(b: &mut Builder, at: Affine3A, width: f32, wood: u32, metal: u32) {
     for i in 0..5 {
         let z = (i as f32 - 2.0) * 0.085;
@@ -73,7 +73,7 @@ pub fn bench(b: &mut Builder, at: Affine3A, width: f32, wood: u32, metal: u32) {
     }
 }
 
-/// A lighting track under the ceiling (`at`), with spots that are switched off.
+/// Makes a lighting track under the ceiling (`at`), with spots that are switched off.
 pub fn track(b: &mut Builder, at: Affine3A, length: f32, metal: u32) {
     b.add(centred(vec3(0.0, -0.10, 0.0), vec3(length, 0.03, 0.035)), at, metal);
     let spots = 7;
@@ -89,7 +89,8 @@ pub fn track(b: &mut Builder, at: Affine3A, length: f32, metal: u32) {
     }
 }
 
-/// The screen that swings about a post at its own +Y axis: a painted board 1.15 m × 1.7 m in a frame, on two arms.
+/// Makes the screen that swings about a post at its own +Y axis: a painted board 1.15 m × 1.7 m in a frame,
+/// on two arms.
 pub fn screen(b: &mut Builder) {
     let frame = b.paint("screen frame", [0.05, 0.045, 0.04]);
     let (near, far, low, high) = (0.10, 1.25, 0.35, 2.05);

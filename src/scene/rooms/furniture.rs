@@ -1,5 +1,5 @@
-//! Furniture: each function builds one piece about the middle of its footprint, facing +Z, and places it by `at`.
-//! Feet reach 5 mm into the floor, backs into walls, so that no two faces share a plane.
+//! Furniture. Each function builds one piece about the middle of its footprint, facing +Z, and places it by
+//! `at`. Feet reach 5 mm into the floor, and backs into walls, so that no two faces share a plane.
 
 use super::kit::{Builder, Solid, block, curtain, hash, lathe, leaf, quad, rounded_block, sphere, tube};
 use glam::{Affine3A, Quat, Vec2, Vec3, vec2, vec3};
@@ -10,7 +10,7 @@ pub fn place(x: f32, y: f32, z: f32, turn: f32) -> Affine3A {
     Affine3A::from_rotation_translation(Quat::from_rotation_y(turn.to_radians()), vec3(x, y, z))
 }
 
-/// Raised by `y` metres.
+/// Returns the placement raised by `y` metres.
 pub fn lifted(y: f32) -> Affine3A {
     Affine3A::from_translation(Vec3::Y * y)
 }
@@ -97,7 +97,7 @@ pub fn bookcase(b: &mut Builder, at: Affine3A, board: u32, books: &[u32], orname
         let mut i = 0;
         while x < width * 0.5 - 0.1 {
             if x > gap_at && x < gap_at + 0.05 {
-                // Every shelf has a free place; on some stands a vessel.
+                // Every shelf has a free place. A vessel stands on some of them.
                 if shelf % 2 == 1 {
                     let bowl = [
                         (0.0, 0.0),
@@ -205,11 +205,11 @@ pub fn plant(b: &mut Builder, at: Affine3A, pot: u32, soil: u32, stem: u32, leav
     }
 }
 
-/// A framed picture, hanging on a wall at z = 0, `at` its centre.
+/// A framed picture that hangs on a wall at z = 0, with `at` at its centre.
 pub fn picture(b: &mut Builder, at: Affine3A, size: Vec2, canvas: u32, frame: u32) {
     let bar = 0.028;
     let (w, h) = (size.x * 0.5, size.y * 0.5);
-    // Mitred by length: the uprights end where the cross bars begin.
+    // The uprights end where the cross bars begin.
     let bars = [
         (vec3(0.0, h + bar * 0.5, 0.012), vec3(size.x + 2.0 * bar, bar, 0.034)),
         (vec3(0.0, -h - bar * 0.5, 0.012), vec3(size.x + 2.0 * bar, bar, 0.034)),
@@ -239,7 +239,8 @@ pub fn door(b: &mut Builder, at: Affine3A, leaf_paint: u32, frame: u32, metal: u
     b.add(tube(&handle, &[0.009; 4], 10), at, metal);
 }
 
-/// A window's curtains and their rod on a wall at z = 0; the window spans `width` about x = 0, the rod hangs at `top`.
+/// A window's curtains and their rod on a wall at z = 0. The window spans `width` about x = 0, and the rod
+/// hangs at `top`.
 pub fn curtains(b: &mut Builder, at: Affine3A, width: f32, top: f32, cloth: u32, metal: u32) {
     let reach = width * 0.5 + 0.32;
     for side in [-1.0, 1.0] {
@@ -255,7 +256,7 @@ pub fn curtains(b: &mut Builder, at: Affine3A, width: f32, top: f32, cloth: u32,
     b.add(tube(&[vec3(-reach, top, 0.11), vec3(reach, top, 0.11)], &[0.014; 2], 12), at, metal);
 }
 
-/// A ribbed radiator on a wall at z = 0, standing clear of the floor.
+/// A ribbed radiator on a wall at z = 0, clear of the floor.
 pub fn radiator(b: &mut Builder, at: Affine3A, width: f32, paint: u32) {
     let ribs = (width / 0.075) as i32;
     for i in 0..ribs {
@@ -301,7 +302,7 @@ pub fn vase(b: &mut Builder, at: Affine3A, glaze: u32, twig: u32) {
     }
 }
 
-/// A stack of magazines, lying.
+/// A stack of magazines that lie flat.
 pub fn magazines(b: &mut Builder, at: Affine3A, covers: &[u32]) {
     let mut y = 0.0005;
     for (i, &cover) in covers.iter().enumerate() {
@@ -313,7 +314,7 @@ pub fn magazines(b: &mut Builder, at: Affine3A, covers: &[u32]) {
     }
 }
 
-/// A waste-paper basket; its inside is modelled.
+/// A waste-paper basket. Its inside is modelled, too.
 pub fn basket(b: &mut Builder, at: Affine3A, paint: u32) {
     let profile = [(0.0, -0.004), (0.12, -0.004), (0.15, 0.3), (0.142, 0.3), (0.113, 0.012), (0.0, 0.012)];
     b.add(lathe(&profile.map(Vec2::from), 28), at, paint);

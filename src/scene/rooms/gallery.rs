@@ -1,7 +1,9 @@
-//! `gallery`: an exhibition hall 8 m × 6.4 m × 3.5 m with thin posts, barriers, plinths, a large mirror that is real, bright
-//! ceiling panels, and a painted screen that swings about its post: the room whose real geometry moves.
+//! `gallery`: an exhibition hall 8 m × 6.4 m × 3.5 m with thin posts, barriers, plinths, a large real mirror
+//! and bright ceiling panels. A painted screen swings about its post, so the real geometry of this room
+//! moves.
 //!
-//! Plan (metres, origin below the capture point): x from −4 to 4 (mirror), z from −4.2 (paintings) to 2.2 (door).
+//! Plan (metres, origin below the capture point): x from −4 to 4 (mirror), z from −4.2 (paintings) to 2.2
+//! (door).
 
 use super::furniture::{self, place};
 use super::kit::{Builder, block, quad, rounded_block, tube};
@@ -18,14 +20,14 @@ use std::sync::Arc;
 
 const MIN: Vec3 = vec3(-4.0, 0.0, -4.2);
 const MAX: Vec3 = vec3(4.0, 3.5, 2.2);
-/// One swing of the screen, there and back, in the time after which all motion of the built-in scenes repeats.
+/// The video holds one swing of the screen, there and back. All motion of the built-in scenes repeats after
+/// it.
 const VIDEO: Video = Video { frames: 8, fps: 2.0, size: [896, 448], samples: 8 };
-/// The post that the screen swings about.
 const PIVOT: Vec3 = vec3(-1.75, 0.0, -2.35);
 /// Degrees to either side of its middle position.
 const SWING: f32 = 32.0;
 
-/// The room, its virtual objects and the view on them.
+/// Makes the room, its virtual objects and the view of them.
 pub fn gallery() -> Room {
     let mut b = Builder::default();
     let floor = b.painted("polished concrete", textures::concrete());
@@ -56,13 +58,14 @@ pub fn gallery() -> Room {
     }
 }
 
-/// Room and screen as two nodes, and the swing as the model's only clip. The screen rests between video frames, as they show it.
+/// Makes room and screen two nodes, and the swing the model's only clip. Between video frames the screen
+/// rests, as they show it.
 fn swinging(room: Builder, screen: Builder) -> Model {
     let mut model = room.model("gallery");
     let node = model.add(screen.model("screen"), Transform { translation: PIVOT, ..Transform::IDENTITY });
     let count = VIDEO.frames as i32;
     let angle = |frame: i32| {
-        // Out and back are the same positions, bit for bit: each is captured once.
+        // Out and back are the same positions, bit for bit, so each is captured once.
         let there = frame.min(count - frame);
         20.0 + SWING * (TAU * there as f32 / count as f32).cos()
     };
@@ -85,7 +88,7 @@ fn furnish(b: &mut Builder) {
     let brass = b.paint("dull brass", [0.45, 0.31, 0.11]);
     let rope = b.paint("red rope", [0.38, 0.03, 0.035]);
 
-    // Bright panels in the ceiling, each in a dark frame.
+    // Bright panels are in the ceiling, each in a dark frame.
     let glow = b.light("ceiling panel", [7.0, 6.7, 6.2]);
     for x in [-2.2, 0.0, 2.2] {
         for z in [-2.9, -0.4] {
@@ -94,14 +97,14 @@ fn furnish(b: &mut Builder) {
                 Affine3A::IDENTITY,
                 black,
             );
-            // One face alone: light that is drawn from hidden faces is lost.
+            // Only one face shines, because light drawn from hidden faces would be lost.
             let pane = quad(vec3(x - 0.58, MAX.y - 0.044, z - 0.58), Vec3::X * 1.16, Vec3::Z * 1.16);
             b.add(pane, Affine3A::IDENTITY, glow);
         }
     }
     exhibits::track(b, place(0.0, MAX.y, -1.65, 0.0), 6.4, black);
 
-    // Thin posts from floor to ceiling, and the one of the screen.
+    // Thin posts reach from floor to ceiling, the screen's among them.
     for (x, z, r) in
         [(-2.9, -1.2, 0.03), (-0.55, -3.1, 0.025), (1.05, -3.1, 0.025), (2.55, -1.5, 0.03), (2.9, 1.0, 0.03)]
     {
@@ -112,7 +115,7 @@ fn furnish(b: &mut Builder) {
     b.add(tube(&[vec3(0.0, -0.005, 0.0), vec3(0.0, MAX.y + 0.005, 0.0)], &[0.02; 2], 16), pivot, brass);
     b.add(exhibits::collar(0.02), pivot, brass);
 
-    // A barrier in front of the large painting.
+    // A barrier stands in front of the large painting.
     let stands = [vec3(-0.75, 0.0, -3.3), vec3(0.25, 0.0, -3.3), vec3(1.25, 0.0, -3.3)];
     exhibits::barrier(b, &stands, brass, rope);
 
@@ -137,7 +140,7 @@ fn furnish(b: &mut Builder) {
     furniture::picture(b, place(-1.9, 1.65, MAX.z, 180.0), vec2(1.6, 1.1), canvas, black);
     furniture::door(b, place(1.6, 0.0, MAX.z, 180.0), lacquer, black, brass);
 
-    // The one thing that is not diffuse.
+    // Only the mirror is not diffuse.
     let mirror = b.material(Material { metallic: 1.0, ..Material::plain("mirror", vec3(0.90, 0.91, 0.90), 0.0) });
     furniture::picture(b, place(MAX.x, 1.45, -1.3, -90.0), vec2(1.5, 2.1), mirror, brass);
     let shelf = rounded_block(vec3(0.9, 0.04, 0.24), 0.008, 2, 1, 0.0).uv_scaled(Vec2::splat(1.2));

@@ -7,7 +7,7 @@ use crate::scene::animation::{Placement, Track};
 use glam::{Quat, Vec3, vec3};
 use std::f32::consts::TAU;
 
-/// What is exhibited, and what moves between it.
+/// Makes what is exhibited, and what moves between it.
 pub fn gallery() -> Vec<Object> {
     vec![
         object("knot", things::knot([0.58, 0.03, 0.025]), vec3(-0.15, 0.8002, -2.15), 15.0),
@@ -25,7 +25,8 @@ pub fn gallery() -> Vec<Object> {
     ]
 }
 
-/// Once round a circle three times the ball's radius, so that it has turned three times about its own axis too.
+/// Rolls once round a circle of three times the ball's radius. The ball then has turned three times about its
+/// own axis, too.
 fn roll() -> Placement {
     const KEYS: usize = 32;
     const RADIUS: f32 = 0.119;
@@ -33,7 +34,7 @@ fn roll() -> Placement {
         let angle = TAU * (i % KEYS) as f32 / KEYS as f32;
         let (sin, cos) = angle.sin_cos();
         let position = vec3(0.12, RADIUS + 0.0002, -1.25) + vec3(cos, 0.0, -sin) * (3.0 * RADIUS);
-        // Counter-clockwise seen from above: at angle 0 towards −Z, so about −X.
+        // Seen from above it runs counter-clockwise: at angle 0 towards −Z, so it turns about −X.
         (position, Quat::from_rotation_y(angle) * Quat::from_rotation_x(-3.0 * angle))
     };
     let time = |i: usize| PERIOD * i as f64 / KEYS as f64;

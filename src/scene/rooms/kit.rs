@@ -1,5 +1,5 @@
-//! The modelling kit of the built-in rooms: closed shapes with outward normals and texture coordinates in metres, and
-//! the builder that collects them into one mesh. Everything is a function of its arguments: same call, same bits.
+//! The modelling kit of the built-in rooms: closed shapes with outward normals and texture coordinates in
+//! metres, and the builder that collects them into one mesh. The same call gives the same bits.
 
 use crate::scene::material::{Material, Texture};
 use crate::scene::model::{Mesh, Model};
@@ -7,7 +7,7 @@ use glam::{Affine3A, Mat3, Vec2, Vec3, vec2, vec3};
 use std::collections::HashMap;
 use std::f32::consts::{FRAC_PI_4, TAU};
 
-/// An integer hash of three coordinates, uniform in 0..1.
+/// Returns an integer hash of three coordinates, uniform in 0..1.
 pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
     let mut h =
         (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77) ^ seed.wrapping_mul(0xC2B2_AE3D);
@@ -17,7 +17,7 @@ pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
     (h >> 8) as f32 / (1 << 24) as f32
 }
 
-/// A closed shape without material.
+/// A closed shape without a material.
 #[derive(Clone, Debug, Default)]
 pub struct Solid {
     /// Metres.
@@ -38,7 +38,7 @@ impl Solid {
         self.positions.len() as u32 - 1
     }
 
-    /// A triangle, unless two of its corners coincide.
+    /// Adds a triangle, unless two of its corners coincide.
     fn triangle(&mut self, a: u32, b: u32, c: u32) {
         let [p, q, r] = [a, b, c].map(|i| self.positions[i as usize]);
         if (q - p).cross(r - p).length_squared() > 1e-18 {
@@ -46,13 +46,13 @@ impl Solid {
         }
     }
 
-    /// Two triangles; corners counter-clockwise.
+    /// Adds two triangles. Corners are counter-clockwise.
     fn quad(&mut self, a: u32, b: u32, c: u32, d: u32) {
         self.triangle(a, b, c);
         self.triangle(a, c, d);
     }
 
-    /// The same shape elsewhere.
+    /// Moves the shape.
     pub fn placed(mut self, at: Affine3A) -> Self {
         let normal_matrix = Mat3::from(at.matrix3).inverse().transpose();
         self.positions.iter_mut().for_each(|p| *p = at.transform_point3(*p));
@@ -60,13 +60,13 @@ impl Solid {
         self
     }
 
-    /// Texture coordinates multiplied by `factor` (one over the texture's size in metres).
+    /// Multiplies texture coordinates by `factor` (one over the texture's size in metres).
     pub fn uv_scaled(mut self, factor: Vec2) -> Self {
         self.uvs.iter_mut().for_each(|uv| *uv *= factor);
         self
     }
 
-    /// Both shapes.
+    /// Joins both shapes.
     pub fn and(mut self, other: Solid) -> Self {
         let first = self.positions.len() as u32;
         self.positions.extend(other.positions);
@@ -76,7 +76,7 @@ impl Solid {
         self
     }
 
-    /// Normals averaged over all vertices at the same place, weighted by area.
+    /// Averages normals over all vertices at the same place, weighted by area.
     fn smoothed(mut self) -> Self {
         let key = |p: Vec3| (p * 1e5).round().as_ivec3();
         let mut sums: HashMap<_, Vec3> = HashMap::new();
@@ -122,12 +122,13 @@ pub fn block(min: Vec3, max: Vec3) -> Solid {
     .fold(Solid::default(), Solid::and)
 }
 
-/// A box about the origin with edges rounded by `radius` in `arc` steps. With `puff` above 0 its faces, cut in
-/// `inner`² pieces, bulge by that much like a cushion's.
+/// A box about the origin with edges rounded by `radius` in `arc` steps. If `puff` is above 0, its faces are
+/// cut in `inner`² pieces and bulge by that much like a cushion's.
 pub fn rounded_block(size: Vec3, radius: f32, arc: usize, inner: usize, puff: f32) -> Solid {
     let half = size * 0.5;
     let core = half - Vec3::splat(radius);
-    // Positions along one axis of a face: where on the core, and the tangent of the angle at which the edge bends.
+    // Positions along one axis of a face: the place on the core, and the tangent of the angle at which the
+    // edge bends.
     let steps = |h: f32| -> Vec<(f32, f32)> {
         let bend = |i: usize| (FRAC_PI_4 * i as f32 / arc as f32).tan();
         let mut out: Vec<_> = (1..=arc).rev().map(|i| (-h, -bend(i))).collect();
@@ -140,7 +141,7 @@ pub fn rounded_block(size: Vec3, radius: f32, arc: usize, inner: usize, puff: f3
         for sign in [-1.0f32, 1.0] {
             let (a, b) = if sign > 0.0 { ((axis + 1) % 3, (axis + 2) % 3) } else { ((axis + 2) % 3, (axis + 1) % 3) };
             let (columns, rows) = (steps(core[a]), steps(core[b]));
-            let puff = puff * core[a].min(core[b]) / core.max_element(); // narrow sides stay nearly flat
+            let puff = puff * core[a].min(core[b]) / core.max_element(); // Narrow sides stay nearly flat.
             let first = part.positions.len() as u32;
             for &(pb, tb) in &rows {
                 for &(pa, ta) in &columns {
@@ -165,9 +166,9 @@ pub fn rounded_block(size: Vec3, radius: f32, arc: usize, inner: usize, puff: f3
     if puff > 0.0 { part.smoothed() } else { part }
 }
 
-/// A body of revolution about +Y from a profile of (radius, height), from the axis at the bottom outwards and up (and
-/// down inside again for a vessel). Bends above 35° stay sharp. Texture coordinates: turn 0..1, and the share of the profile's
-/// length from its end.
+/// A body of revolution about +Y from a profile of (radius, height). The profile runs from the axis at the
+/// bottom outwards and up, and down inside again for a vessel. Bends above 35° stay sharp. Texture
+/// coordinates are the turn, 0..1, and the share of the profile's length from its end.
 pub fn lathe(profile: &[Vec2], segments: u32) -> Solid {
     let tangents: Vec<Vec2> = profile.windows(2).map(|w| (w[1] - w[0]).normalize()).collect();
     let outward = |t: Vec2| vec2(t.y, -t.x);
@@ -200,7 +201,7 @@ pub fn lathe(profile: &[Vec2], segments: u32) -> Solid {
     part
 }
 
-/// A sphere about the origin; texture coordinates 0..1 as a globe's map.
+/// A sphere about the origin. Texture coordinates 0..1 are a globe's map.
 pub fn sphere(radius: f32, segments: u32) -> Solid {
     let rings = segments / 2;
     let profile: Vec<Vec2> = (0..=rings)
@@ -217,7 +218,7 @@ pub fn cylinder(radius: f32, height: f32, segments: u32) -> Solid {
     lathe(&[vec2(0.0, 0.0), vec2(radius, 0.0), vec2(radius, height), vec2(0.0, height)], segments)
 }
 
-/// A round bar along `path`, its radius given per point, with flat ends.
+/// A round bar along `path` with flat ends. Its radius is given per point.
 pub fn tube(path: &[Vec3], radii: &[f32], segments: u32) -> Solid {
     let last = path.len() - 1;
     let tangent = |i: usize| (path[(i + 1).min(last)] - path[i.saturating_sub(1)]).normalize();
@@ -262,7 +263,7 @@ pub fn tube(path: &[Vec3], radii: &[f32], segments: u32) -> Solid {
     part
 }
 
-/// A leaf from the origin along +Z, bending down by `droop` metres at its tip: closed, 2 mm thick.
+/// A leaf from the origin along +Z that bends down by `droop` metres at its tip. It is closed and 2 mm thick.
 pub fn leaf(length: f32, width: f32, rise: f32, droop: f32) -> Solid {
     const PIECES: usize = 7;
     let mut part = Solid::default();
@@ -303,7 +304,7 @@ pub fn curtain(width: f32, height: f32, folds: u32, fold: f32) -> Solid {
     let normals: Vec<Vec2> = (0..=last)
         .map(|i| {
             let t = (points[(i + 1).min(last)] - points[i.saturating_sub(1)]).normalize();
-            vec2(-t.y, t.x) // towards +Z for a cloth running along +X
+            vec2(-t.y, t.x) // This points towards +Z for a cloth that runs along +X.
         })
         .collect();
     let mut part = Solid::default();
@@ -335,7 +336,7 @@ pub fn curtain(width: f32, height: f32, folds: u32, fold: f32) -> Solid {
     part
 }
 
-/// A purely diffuse material.
+/// Makes a purely diffuse material.
 pub fn lambert(name: &str, base_color: Vec3) -> Material {
     Material { specular: 0.0, ..Material::plain(name, base_color, 1.0) }
 }
@@ -355,24 +356,24 @@ impl Builder {
         self.materials.len() as u32 - 1
     }
 
-    /// Pure Lambert of one linear colour.
+    /// Adds pure Lambert of one linear colour.
     pub fn paint(&mut self, name: &str, color: [f32; 3]) -> u32 {
         self.material(lambert(name, color.into()))
     }
 
-    /// `material` coloured by a texture.
+    /// Adds `material` coloured by a texture.
     pub fn textured(&mut self, material: Material, texture: Texture) -> u32 {
         let base_color_texture = Some(self.textures.len());
         self.textures.push(Texture { name: material.name.clone(), ..texture });
         self.material(Material { base_color_texture, base_color: Vec3::ONE, ..material })
     }
 
-    /// Pure Lambert coloured by a texture.
+    /// Adds pure Lambert coloured by a texture.
     pub fn painted(&mut self, name: &str, texture: Texture) -> u32 {
         self.textured(lambert(name, Vec3::ONE), texture)
     }
 
-    /// A light of the given radiance that reflects nothing.
+    /// Adds a light of the given radiance that reflects nothing.
     pub fn light(&mut self, name: &str, radiance: [f32; 3]) -> u32 {
         self.material(Material { emissive: radiance.into(), ..lambert(name, Vec3::ZERO) })
     }
@@ -388,7 +389,7 @@ impl Builder {
         self.mesh.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + first)));
     }
 
-    /// The finished model.
+    /// Returns the finished model.
     pub fn model(self, name: &str) -> Model {
         let mesh = Mesh { name: name.into(), ..self.mesh };
         let mut model = Model::from_mesh(mesh, Material::default());

@@ -1,5 +1,5 @@
-//! The built-in rooms, made by code: a closed real scene, diffuse but for the gallery's mirror, that `capture` turns into a
-//! panorama, and the virtual objects that stand in it.
+//! The built-in rooms, made by code. Each is a closed real scene, diffuse except for the gallery's mirror,
+//! which `capture` turns into a panorama, and the virtual objects that stand in it.
 
 mod apartment;
 mod bedroom;
@@ -27,32 +27,32 @@ pub use gallery::gallery;
 #[derive(Clone, Debug)]
 pub struct Room {
     pub name: &'static str,
-    /// At the origin, floor at y = 0. Where the room moves, its first clip says how.
+    /// The room at the origin, with its floor at y = 0. If it moves, its first clip says how.
     pub model: Arc<Model>,
-    /// World, metres.
+    /// The capture point in the world, metres.
     pub capture_position: Vec3,
-    /// The frames that are captured where the real geometry moves; elsewhere one is.
+    /// The video that is captured if the real geometry moves. Other rooms are captured once.
     pub video: Option<Video>,
-    /// Those that move repeat after 4 s.
+    /// The virtual objects. All motion repeats after 4 s.
     pub objects: Vec<Object>,
     pub camera: CameraTrack,
 }
 
-/// How a room that moves is captured: frame `i` shows it at `i / fps` seconds.
+/// How a moving room is captured. Frame `i` shows it at `i / fps` seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Video {
     pub frames: u32,
     pub fps: f64,
     /// Width and height of a frame, texels.
     pub size: [u32; 2],
-    /// Samples a texel, at most.
+    /// The most samples a texel.
     pub samples: u32,
 }
 
 /// The names of the built-in rooms; the first is the default scene.
 pub const NAMES: [&str; 3] = ["apartment", "bedroom", "gallery"];
 
-/// The room of that name.
+/// Returns the room of that name.
 pub fn by_name(name: &str) -> Option<Room> {
     match name {
         "apartment" => Some(apartment()),

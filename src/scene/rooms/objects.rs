@@ -1,4 +1,4 @@
-//! The virtual objects of the apartment, which other rooms use too, and how objects move.
+//! The virtual objects of the apartment, some of which stand in other rooms, too, and how objects move.
 
 use super::kit::{Builder, lathe, rounded_block, sphere, tube};
 use super::textures;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// Seconds after which the motion of the built-in scenes repeats.
 pub const PERIOD: f64 = 4.0;
 
-/// Stands at `translation`, turned about +Y by degrees.
+/// Places something at `translation`, turned about +Y by degrees.
 pub fn object(name: &str, b: Builder, translation: Vec3, turn: f32) -> Object {
     let rotation = Quat::from_rotation_y(turn.to_radians());
     Object {
@@ -25,9 +25,8 @@ pub fn object(name: &str, b: Builder, translation: Vec3, turn: f32) -> Object {
     }
 }
 
-/// Objects that stand still, turned otherwise.
+/// Turns objects that stand still.
 pub trait Turned {
-    /// The same object with this rotation.
     fn turned(self, rotation: Quat) -> Self;
 }
 
@@ -38,17 +37,17 @@ impl Turned for Object {
     }
 }
 
-/// A metal of one colour.
+/// Makes a metal of one colour.
 pub fn metal(name: &str, color: [f32; 3], roughness: f32) -> Material {
     Material { metallic: 1.0, ..Material::plain(name, color.into(), roughness) }
 }
 
-/// A coated dielectric of one colour.
+/// Makes a coated dielectric of one colour.
 pub fn glossy(name: &str, color: [f32; 3], roughness: f32) -> Material {
     Material::plain(name, color.into(), roughness)
 }
 
-/// What stands, lies and flies in the apartment.
+/// Makes what stands, lies and flies in the apartment.
 pub fn apartment() -> Vec<Object> {
     vec![
         object("stool", stool(), vec3(-1.05, 0.0, -1.75), 20.0),
@@ -179,7 +178,7 @@ pub fn plane() -> Builder {
         (0.018, 0.142),
         (0.0, 0.146),
     ];
-    // The lathe's axis turned to −Z.
+    // The lathe's axis is turned to −Z.
     let forward = Affine3A::from_rotation_x(-FRAC_PI_2);
     b.add(lathe(&hull.map(Vec2::from), 28), forward, red);
     let at = Affine3A::from_translation;
@@ -192,12 +191,13 @@ pub fn plane() -> Builder {
     b
 }
 
-/// One round of a lying ellipse about `centre`, banked into the turn; `reach` is how far along x, y (up and down twice) and z.
+/// Makes one round of a lying ellipse about `centre`, banked into the turn. `reach` is how far it goes along
+/// x, y (up and down twice) and z.
 pub fn fly(centre: Vec3, reach: Vec3) -> Placement {
     const KEYS: usize = 24;
     let at = |i: usize| {
         let (sin, cos) = (TAU * i as f32 / KEYS as f32 + 0.9).sin_cos();
-        let sway = 2.0 * sin * cos; // of twice the angle
+        let sway = 2.0 * sin * cos; // The sine is that of twice the angle.
         let position = centre + reach * vec3(cos, sway, -sin);
         let velocity = reach * vec3(-sin, 2.0 * (cos * cos - sin * sin), -cos);
         let yaw = f32::atan2(-velocity.x, -velocity.z);

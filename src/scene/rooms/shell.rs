@@ -10,11 +10,11 @@ pub struct Opening {
     pub low: Vec2,
     /// Greatest z and y.
     pub high: Vec2,
-    /// From the wall's inside to the pane.
+    /// The depth from the wall's inside to the pane.
     pub depth: f32,
 }
 
-/// A box room seen from inside; materials by index.
+/// A box room seen from inside. Materials are given by index.
 #[derive(Clone, Copy, Debug)]
 pub struct Shell {
     pub min: Vec3,
@@ -24,12 +24,12 @@ pub struct Shell {
     /// The walls at least z, greatest z, greatest x and least x.
     pub walls: [u32; 4],
     pub trim: u32,
-    /// In the wall at least x.
+    /// The window in the wall of least x.
     pub window: Option<Opening>,
 }
 
 impl Shell {
-    /// Adds it; texture coordinates of floor and walls are metres times these.
+    /// Adds the shell. Texture coordinates of floor and walls are metres times these.
     pub fn build(&self, b: &mut Builder, floor_uv: Vec2, wall_uv: Vec2) {
         let (min, max) = (self.min, self.max);
         let size = max - min;
@@ -59,7 +59,7 @@ impl Shell {
         add(self.around(max.y - 0.08, max.y + 0.005, 0.05), Vec2::ONE, self.trim);
     }
 
-    /// A band along all four walls from `y0` to `y1`, `t` thick.
+    /// Adds a band along all four walls from `y0` to `y1`, `t` thick.
     fn around(&self, y0: f32, y1: f32, t: f32) -> Solid {
         let (min, max, sink) = (self.min, self.max, 0.005);
         [
@@ -74,8 +74,8 @@ impl Shell {
 }
 
 impl Opening {
-    /// The opening's four sides in the wall x = `wall`, and outside it `bands` of light: each the height, as a share, at which it
-    /// ends, and its material, from the bottom up.
+    /// Adds the opening's four sides in the wall x = `wall`, and outside it `bands` of light from the bottom
+    /// up. Each band has the height at which it ends, as a share, and its material.
     pub fn reveal(&self, b: &mut Builder, wall: f32, paint: u32, bands: &[(f32, u32)]) {
         let (w, h) = (Vec3::Z * (self.high.x - self.low.x), Vec3::Y * (self.high.y - self.low.y));
         let inward = Vec3::X * self.depth;

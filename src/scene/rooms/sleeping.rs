@@ -1,4 +1,5 @@
-//! Furniture of the bedroom, built as in [`furniture`](super::furniture): about the middle of its footprint, facing +Z.
+//! Furniture of the bedroom, built as in [`furniture`](super::furniture): about the middle of its footprint,
+//! facing +Z.
 
 use super::furniture::{centred, feet, lifted, place};
 use super::kit::{Builder, Solid, block, lathe, rounded_block, sphere, tube};
@@ -14,7 +15,7 @@ pub struct Bedding {
     pub pillows: [u32; 2],
 }
 
-/// A double bed, 1.7 m × 2.1 m, its headboard's back at z = 0; lying height 0.55 m.
+/// A double bed, 1.7 m × 2.1 m, with its headboard's back at z = 0 and a lying height of 0.55 m.
 pub fn bed(b: &mut Builder, at: Affine3A, look: &Bedding) {
     b.add(block(vec3(-0.84, 0.13, 0.05), vec3(0.84, 0.29, 2.06)).uv_scaled(Vec2::splat(1.2)), at, look.wood);
     b.add(feet(0.76, 0.92, 0.14, 0.03), at * place(0.0, 0.0, 1.05, 0.0), look.wood);
@@ -30,7 +31,7 @@ pub fn bed(b: &mut Builder, at: Affine3A, look: &Bedding) {
         at * place(0.0, 0.445, 1.405, 0.0),
         look.duvet,
     );
-    // The duvet's folded edge and, across the foot, a blanket.
+    // The duvet's folded edge, and a blanket across the foot.
     b.add(
         cloth(rounded_block(vec3(1.80, 0.09, 0.30), 0.042, 4, 3, 0.01)),
         at * place(0.0, 0.572, 0.80, 0.0),
@@ -182,11 +183,11 @@ pub fn chair(b: &mut Builder, at: Affine3A, wood: u32, cloth: u32) {
     }
 }
 
-/// A paper globe under the ceiling, hanging from `at`; not lit.
+/// A paper globe that hangs under the ceiling from `at`. It is not lit.
 pub fn paper_globe(b: &mut Builder, at: Affine3A, radius: f32, paper: u32, cord: u32) {
     b.add(tube(&[vec3(0.0, 0.005, 0.0), vec3(0.0, -0.34, 0.0)], &[0.004; 2], 8), at, cord);
     b.add(lathe(&[vec2(0.0, -0.02), vec2(0.05, -0.02), vec2(0.05, 0.004), vec2(0.0, 0.004)], 20), at, cord);
-    // Ribs all round, as such lamps have.
+    // Ribs run all round, as such lamps have them.
     let profile: Vec<Vec2> = (0..=24)
         .map(|i| {
             let angle = std::f32::consts::PI * i as f32 / 24.0;

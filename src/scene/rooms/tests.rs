@@ -1,4 +1,5 @@
-//! What every built-in room promises: closed, facing inwards, diffuse but for the gallery's mirror, nothing that flickers.
+//! Every built-in room is closed, faces inwards, is diffuse except for the gallery's mirror, and has nothing
+//! that flickers.
 
 use super::{NAMES, Room, by_name};
 use crate::scene::model::Mesh;
@@ -14,7 +15,7 @@ fn corners(mesh: &Mesh, i: usize) -> [Vec3; 3] {
     mesh.triangles[i].map(|k| mesh.positions[k as usize])
 }
 
-/// All that is real, in one mesh, as it stands at `time` seconds.
+/// Returns all that is real in one mesh, as it stands at `time` seconds.
 fn real(room: &Room, time: f64) -> Mesh {
     let rig = &room.model.rig;
     let matrices = rig.node_matrices((!rig.clips.is_empty()).then_some((0, time)));
@@ -31,7 +32,7 @@ fn real(room: &Room, time: f64) -> Mesh {
     all
 }
 
-/// The times of a room's panorama frames at which it differs.
+/// Returns the times of a room's panorama frames at which it differs.
 fn times(room: &Room) -> Vec<f64> {
     room.video.map_or(vec![0.0], |video| (0..=video.frames / 2).map(|i| f64::from(i) / video.fps).collect())
 }
@@ -139,7 +140,8 @@ fn objects_are_diffuse_glossy_and_specular_and_one_shines() {
     }
 }
 
-/// The overlap of two triangles in one plane, in square metres, by clipping one with the other's edges.
+/// Returns the overlap of two triangles in one plane, in square metres, by clipping one with the other's
+/// edges.
 fn overlap(p: [Vec3; 3], q: [Vec3; 3], normal: Vec3) -> f32 {
     let mut polygon = p.to_vec();
     for k in 0..3 {
@@ -160,7 +162,7 @@ fn overlap(p: [Vec3; 3], q: [Vec3; 3], normal: Vec3) -> f32 {
     polygon.windows(2).map(|w| (w[0] - polygon[0]).cross(w[1] - polygon[0]).length() * 0.5).sum()
 }
 
-/// Pairs of faces that lie on one another, each named once: materials, place, normal.
+/// Returns pairs of faces that lie on one another, each named once: materials, place, normal.
 fn shared_places(room: &Room, mesh: &Mesh) -> Vec<(String, String, Vec3, Vec3)> {
     let faces: Vec<_> = (0..mesh.triangles.len())
         .map(|i| {

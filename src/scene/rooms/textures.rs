@@ -6,7 +6,7 @@ use crate::scene::material::{TexelEncoding, Texture, Wrap};
 use glam::{Vec2, Vec3, vec2, vec3};
 use std::f32::consts::{PI, TAU};
 
-/// Value noise on a lattice that repeats every `period` cells, 0..1.
+/// Returns value noise, 0..1, on a lattice that repeats every `period` cells.
 fn noise(p: Vec2, period: [i32; 2], seed: u32) -> f32 {
     let cell = p.floor();
     let t = p - cell;
@@ -18,7 +18,7 @@ fn noise(p: Vec2, period: [i32; 2], seed: u32) -> f32 {
     low + (high - low) * t.y
 }
 
-/// Three octaves of [`noise`] over `uv` in 0..1, the first with `cells` cells; it tiles.
+/// Returns three octaves of [`noise`] over `uv` in 0..1, the first with `cells` cells. It tiles.
 fn clouds(uv: Vec2, cells: [i32; 2], seed: u32) -> f32 {
     (0..3)
         .map(|k| {
@@ -33,7 +33,6 @@ fn smoothstep(a: f32, b: f32, x: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Calls `color` with the texel centres in 0..1, v down.
 fn painted(size: [u32; 2], color: impl Fn(Vec2) -> Vec3) -> Texture {
     let encode = |x: f32| (linear_to_srgb(x.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8;
     let mut texels = Vec::with_capacity((size[0] * size[1]) as usize);
@@ -119,7 +118,7 @@ pub fn rug() -> Texture {
     })
 }
 
-/// Pictures for the walls: 0 hills at dusk, 1 overlapping discs, 2 colour fields; on a cream mount.
+/// Pictures for the walls on a cream mount: 0 hills at dusk, 1 overlapping discs, 2 colour fields.
 pub fn picture(kind: u32) -> Texture {
     painted([256, 320], |uv| {
         let margin = uv.x.min(1.0 - uv.x).min(uv.y.min(1.0 - uv.y) * 1.25);

@@ -1,4 +1,5 @@
-//! More virtual objects of the built-in rooms: each stands on y = 0 about the Y axis, unless it says otherwise.
+//! More virtual objects of the built-in rooms. Each stands on y = 0 about the Y axis, unless it says
+//! otherwise.
 
 use super::kit::{Builder, block, lambert, lathe, rounded_block, sphere, tube};
 use super::objects::{glossy, metal};
@@ -9,7 +10,7 @@ use std::f32::consts::{PI, TAU};
 
 const HERE: Affine3A = Affine3A::IDENTITY;
 
-/// Shines with this radiance.
+/// Makes a material that shines with this radiance.
 fn shining(name: &str, radiance: [f32; 3]) -> Material {
     Material { emissive: radiance.into(), ..lambert(name, Vec3::splat(0.02)) }
 }

@@ -1,4 +1,4 @@
-//! Objects whose influence a picture's own depth does not hold.
+//! Cases about objects whose influence the picture's own depth does not hold.
 
 use super::{CHANGE, CHANGE_WHY, FLOOR, colourful, room};
 use crate::{

@@ -1,4 +1,4 @@
-//! Depth as estimators give it: wrong, torn, unsteady.
+//! Cases about depth as estimators give it: wrong, torn, unsteady.
 
 use super::{FLOOR, SEEN, SEEN_WHY, colourful, room};
 use crate::{
@@ -47,14 +47,14 @@ fn ball_on_the_floor() -> World {
     }
 }
 
-/// A hash of texel and salt, −1 to 1.
 fn noise(i: usize, salt: u32) -> f32 {
     let x = (i as u32).wrapping_mul(747_796_405).wrapping_add(salt.wrapping_mul(0x9e37_79b9));
     let x = ((x >> ((x >> 28) + 4)) ^ x).wrapping_mul(277_803_737);
     (((x >> 22) ^ x) & 0xffff) as f32 / 32767.5 - 1.0
 }
 
-/// Waves of 13 and 8 % of the distance, 9 % from texel to texel (together 18 %), and every eighth block of 2×2 texels a hole.
+/// Adds waves of 13 and 8 % of the distance and 9 % from texel to texel (together 18 %), and makes every
+/// eighth block of 2×2 texels a hole.
 fn spoil(frame: &mut PanoramaFrame) {
     let size = frame.depth_size;
     for (i, depth) in frame.depth.iter_mut().enumerate() {

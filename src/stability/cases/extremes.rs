@@ -1,4 +1,4 @@
-//! Nothing, very little, very much, very long, and again.
+//! Cases with nothing, very little, very much, very many frames, and a repeat.
 
 use super::{FLOOR, SEEN, colourful, even, room};
 use crate::{
@@ -91,7 +91,8 @@ fn ball() -> World {
 fn odd_sizes(run: &Run) -> Result<Outcome> {
     let mut worst: Option<Outcome> = None;
     for (which, size) in [[1, 1], [7, 5], [33, 17], [65, 9]].into_iter().enumerate() {
-        // a single pixel has no neighbours by which an edge in it were found: it looks at the ball alone
+        // A single pixel has no neighbours by which an edge in it could be found, so it looks at the ball
+        // alone.
         let fov_y = if size == [1, 1] { 12.0 } else { 50.0 };
         let film = Film::still(size, 16, move || {
             let world = ball();
@@ -128,9 +129,9 @@ fn large_panorama(run: &Run) -> Result<Outcome> {
         depth: box_depth(large, super::ROOM.high - super::ROOM.low, Vec3::ZERO, 0.0),
         ..PanoramaFrame::default()
     };
-    // towards columns beyond 4096, that is to the right and behind
+    // These are directions towards columns beyond 4096, that is to the right and behind.
     let (at, target, fov_y) = (vec3(0.3, 0.2, -0.4), vec3(2.0, 0.1, 0.8), 60.0);
-    // surfaces are found where there is something to light them: a ball behind the camera
+    // Surfaces are found only if there is something to light them, so a ball stands behind the camera.
     let world = World {
         eye: super::Eye { at, target, fov_y },
         things: vec![Thing::ball(0.2, 0.5, vec3(-2.0, 0.0, -1.0))],
@@ -153,7 +154,7 @@ fn large_panorama(run: &Run) -> Result<Outcome> {
         .collect();
     errors.sort_by(f64::total_cmp);
     let value = errors[(0.99 * (errors.len() - 1) as f64) as usize];
-    // a picture of distances
+    // The picture shows distances.
     let grey = |d: f32| [0.15 * d, 0.15 * d, 0.15 * d, 1.0];
     let worst = found.iter().map(|p| grey(p[3])).collect();
     let truth = truth.position.iter().map(|p| grey(distance(*p))).collect();
@@ -168,7 +169,7 @@ fn many_frames(run: &Run) -> Result<Outcome> {
     let (frames, size) = (run.count(10_000, 160), [32, 24]);
     let film = Film::moving(size, 128, |n| {
         let mut world = ball();
-        // to and fro, and at rest for the second half
+        // The ball moves to and fro, and rests for the second half.
         world.things[0].at.x += if n < 64 { 0.4 * (n as f32 * std::f32::consts::TAU / 64.0).sin() } else { 0.0 };
         world
     });
@@ -176,7 +177,7 @@ fn many_frames(run: &Run) -> Result<Outcome> {
     let mut renderer = renderer(run, &scene, &film)?;
     let (mut memory, mut sum, mut finite) = (0, vec![[0.0; 4]; (size[0] * size[1]) as usize], true);
     for n in 0..frames {
-        // the last frames are at rest
+        // The last frames are at rest.
         let phase = (128 - frames % 128 + n) % 128;
         renderer.render(&scene, film.time(phase))?;
         if n == 10 {

@@ -1,4 +1,4 @@
-//! Lamps, darkness, clipped light.
+//! Cases about lamps, darkness and clipped light.
 
 use super::{FLOOR, SEEN, SEEN_WHY, colourful, room};
 use crate::{
@@ -126,7 +126,6 @@ fn lamp_beside_object(run: &Run) -> Result<Outcome> {
     .map(|outcome| Outcome { exposure: 0.2, ..outcome })
 }
 
-/// Next to nothing, the floor half as bright as the walls.
 fn pitch_dark(_: Vec3, normal: Vec3) -> Vec3 {
     Vec3::splat(if normal.y > 0.5 { 5e-8 } else { 1e-7 })
 }

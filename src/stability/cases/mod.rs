@@ -1,4 +1,4 @@
-//! The cases, by what they try.
+//! The cases, sorted by what they try.
 
 mod casters;
 mod depth;
@@ -14,7 +14,7 @@ use super::{
 };
 use glam::{Vec3, vec3};
 
-/// All, in the order of the report.
+/// Returns all cases, in the order of the report.
 pub fn all() -> Vec<Case> {
     [panorama::CASES, casters::CASES, surfaces::CASES, light::CASES, depth::CASES, motion::CASES, extremes::CASES]
         .into_iter()
@@ -23,23 +23,23 @@ pub fn all() -> Vec<Case> {
         .collect()
 }
 
-/// FLIP that is seen at a glance: the distance of the best one-sample methods known from their truth.
+/// A FLIP error that is seen at a glance: the best one-sample methods known are this far from their truth.
 const SEEN: f64 = 0.05;
 const SEEN_WHY: &str = "FLIP 0.05: a difference that is seen when the two pictures are flipped";
 
 const CHANGE: &str = "share of the true change of light, over real pixels that it changes by more than 2 %, that is missing or too much, 16 frames";
 const CHANGE_WHY: &str = "a shadow a tenth too light or dark passes for the right one; a missing one does not";
 
-/// The usual room: 6 × 2.8 × 5 m, the camera 1.4 m above the floor.
+/// Makes the usual room: 6 × 2.8 × 5 m, with the camera 1.4 m above the floor.
 const ROOM: Block = Block { low: Vec3::new(-3.0, -1.4, -2.5), high: Vec3::new(3.0, 1.4, 2.5) };
 const FLOOR: f32 = -1.4;
 
-/// The same radiance everywhere: a closed sky.
+/// Sends the same radiance everywhere, as a closed sky does.
 fn even(_: Vec3, _: Vec3) -> Vec3 {
     Vec3::splat(0.6)
 }
 
-/// Walls of soft colours, a chequered floor.
+/// Paints walls of soft colours and a chequered floor.
 fn colourful(p: Vec3, normal: Vec3) -> Vec3 {
     let squares = ((p.x * 2.0).floor() + (p.z * 2.0).floor()).rem_euclid(2.0);
     match normal {
@@ -50,7 +50,7 @@ fn colourful(p: Vec3, normal: Vec3) -> Vec3 {
     }
 }
 
-/// An empty room of a paint, seen from the capture point.
+/// Makes an empty room of a paint, seen from the capture point.
 fn room(paint: fn(Vec3, Vec3) -> Vec3, target: Vec3, fov_y: f32) -> World {
     World {
         room: ROOM,

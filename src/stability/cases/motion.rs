@@ -1,4 +1,4 @@
-//! What changes: casters, lamps, shots, the camera, the real room.
+//! Cases about what changes: casters, lamps, shots, the camera, the real room.
 
 use super::{FLOOR, SEEN, SEEN_WHY, colourful, room};
 use crate::{
@@ -112,14 +112,15 @@ pub const CASES: &[Case] = &[
     },
 ];
 
-/// FLIP over what things make of the picture in the worst of some frames.
+/// Measures FLIP over what things make of the picture, in the worst of some frames.
 fn worst_flip(run: &Run, film: &Film, frames: impl IntoIterator<Item = usize>) -> Result<Outcome> {
     run.worst(film, frames, |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.concerned(), 1.0))
 }
 
-/// The share of a film's one step, between `before` and `before + 1`, that is still missing in the third frame after it: of the way from
-/// what the method shows before it to what it shows of the new state when it starts anew. The step is taken in displayed values, as a lag's is in
-/// `measure::temporal`, over pixels that wholly show the same kind of surface before and after (or, `things`, a thing), and change.
+/// Returns the share of a film's one step, between `before` and `before + 1`, that is still missing in the
+/// third frame after it. The whole step leads from what the method shows before it to what it shows when it
+/// starts anew after it. It is taken in displayed values, as a lag is in `measure::temporal`. The pixels that
+/// count change, and show wholly the same kind of surface before and after: with `things` a thing.
 fn left(run: &Run, film: &Film, fresh: &Film, before: usize, things: bool) -> Result<Outcome> {
     let pictures = run.play(film)?;
     let (start, test, end) = (&pictures[before], pictures[before + 3].clone(), run.play(fresh)?.remove(0));
@@ -147,7 +148,7 @@ fn left(run: &Run, film: &Film, fresh: &Film, before: usize, things: bool) -> Re
     Ok(Outcome { value, size: film.size, worst: test, truth: end, exposure: 1.0 })
 }
 
-/// A ball on a floor under a bright ceiling panel, so wide that its light is found at once.
+/// Makes a ball on a floor under a bright ceiling panel, which is so wide that its light is found at once.
 fn lit(at: Vec3) -> World {
     World {
         lamp: Some(Lamp { at: vec2(0.6, -1.0), half: 0.9, radiance: Vec3::splat(1.6) }),
@@ -164,7 +165,8 @@ fn moving_caster(run: &Run) -> Result<Outcome> {
     let pictures = run.play(&film)?;
     let truths: Vec<_> = (frames - 8..frames).map(|n| run.truth(&film, 0, n)).collect();
     let texels: Vec<Texels> = truths.iter().map(|truth| truth.texels.clone()).collect();
-    // the floor that the shadow passes; not the ball, whose own shading goes with it
+    // The region is the floor that the shadow passes. The ball is left out, because its own shading moves
+    // with it.
     let floor = |i: &usize| truths.iter().all(|truth| truth.coverage[*i] == 1.0 && truth.position[*i].y < FLOOR + 1e-3);
     let passed = |i: &usize| truths.iter().any(|truth| truth.changed(0.02)[*i]);
     let mask: Vec<bool> = (0..texels[0].len()).map(|i| floor(&i) && passed(&i)).collect();
@@ -216,7 +218,7 @@ fn fast_pan(run: &Run) -> Result<Outcome> {
     worst_flip(run, &Film { warmup: 8, ..film }, 4..14)
 }
 
-/// A camera that goes past a ball, 3 cm a frame.
+/// Makes a camera that goes past a ball, 3 cm a frame.
 fn dolly(size: [u32; 2], frames: usize) -> Film {
     let film = Film::moving(size, frames, |n| {
         let world = lit(vec3(0.1, FLOOR + 0.3, -1.6));
@@ -271,7 +273,7 @@ fn moving_furniture(run: &Run) -> Result<Outcome> {
         World { furniture: vec![Block::around(vec3(at, -0.6, -1.1), vec3(0.6, 1.0, 0.06))], ..orange() }
     });
     let film = Film { warmup: 8, video: true, ..film };
-    // where the ball is, hidden or not
+    // The region is where the ball is, hidden or not.
     let bare = Film::still(run.size(), 1, orange);
     let disc = run.truth(&bare, 1, 0).shows_things();
     run.worst(&film, frames - 8..frames, |test, truth| metric::flip(truth.size, test, &truth.texels, &disc, 1.0))

@@ -1,4 +1,4 @@
-//! The panorama's own places: seam, poles, turning.
+//! Cases about the panorama's special places: seam, poles, turning.
 
 use super::{CHANGE_WHY, FLOOR, SEEN, SEEN_WHY, colourful, even, room};
 use crate::{
@@ -50,7 +50,7 @@ pub const CASES: &[Case] = &[
     },
 ];
 
-/// A panorama with texels of 5.6°, so that what is wrong in one of them is seen.
+/// The size of a panorama with texels of 5.6°, so that an error in one of them is seen.
 const COARSE: [u32; 2] = [64, 32];
 
 fn seam(run: &Run) -> Result<Outcome> {

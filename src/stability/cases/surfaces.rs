@@ -1,4 +1,5 @@
-//! What the surface of a depth map is not: edges, thin things, grazing rays, hidden sides; objects where they cannot be.
+//! Cases about surfaces that a depth map does not hold well: edges, thin things, grazing rays, hidden sides.
+//! Objects also stand where they cannot be.
 
 use super::{CHANGE, CHANGE_WHY, FLOOR, ROOM, SEEN, SEEN_WHY, colourful, room};
 use crate::{
@@ -127,7 +128,7 @@ pub const CASES: &[Case] = &[
     },
 ];
 
-/// The usual measure: FLIP over all that things make of the picture.
+/// Measures FLIP over all that things make of the picture.
 fn concerned(run: &Run, film: &Film) -> Result<Outcome> {
     run.worst(film, [0], |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.concerned(), 1.0))
 }
@@ -160,12 +161,11 @@ fn grazing_rays(run: &Run) -> Result<Outcome> {
         things: vec![Thing::ball(0.25, 0.5, vec3(0.15, -0.09, -1.7))],
         ..room(paint, vec3(0.0, -0.25, -1.6), 30.0)
     });
-    // rows of 0.7°: a coarser depth map has no such floor, see docs/limits.md
+    // Rows span 0.7°. A coarser depth map has no such floor (docs/limits.md).
     let film = Film { panorama: [512, 256], ..still };
     run.worst(&film, [0], |test, truth| Ok(metric::change(test, truth, &truth.changed(0.02))))
 }
 
-/// The back of the screen is red; nothing else is.
 fn red_back(p: Vec3, normal: Vec3) -> Vec3 {
     if normal.z < -0.5 && p.z > -1.3 && p.z < 0.0 { vec3(0.75, 0.1, 0.1) } else { colourful(p, normal) }
 }
@@ -179,7 +179,6 @@ fn unseen_mirror(run: &Run) -> Result<Outcome> {
     run.worst(&film, [0], |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.shows_things(), 1.0))
 }
 
-/// Most light comes from above.
 fn bright_ceiling(_: Vec3, normal: Vec3) -> Vec3 {
     Vec3::splat(if normal.y < -0.5 { 1.5 } else { 0.3 })
 }
@@ -195,11 +194,12 @@ fn shadow_in_mirror(run: &Run) -> Result<Outcome> {
             ..room(bright_ceiling, vec3(0.0, FLOOR + 0.4, -2.0), 50.0)
         }
     };
-    // each method relights what its rays meet, or not, as it does by itself
+    // Each method relights what its rays meet, or not, as it does by itself.
     let film = Film { set: Vec::new(), ..Film::still(run.size(), 16, world(true)) };
     let as_captured = run.truth(&Film::still(run.size(), 1, world(false)), 1, 0);
     run.worst(&film, [0], |test, truth| {
-        // where the mirror shows something darker than it was; beside the shadow its own light makes the floor brighter
+        // The region is where the mirror shows something darker than before. Beside the shadow the ball's own
+        // light makes the floor brighter.
         let sum = |texel: &[f32; 4]| texel[0] + texel[1] + texel[2];
         let darker = truth.texels.iter().zip(&as_captured.texels).map(|(new, old)| sum(new) < 0.95 * sum(old));
         let mask: Vec<bool> = darker.zip(truth.shows_things()).map(|(a, b)| a && b).collect();
@@ -230,7 +230,7 @@ fn through_a_wall(run: &Run) -> Result<Outcome> {
         things: vec![ball],
         ..room(colourful, ball.at, 45.0)
     });
-    // the ball's whole disc, also where it must not be seen
+    // The region is the ball's whole disc, including where it must not be seen.
     let bare = Film::still(run.size(), 1, move || World { things: vec![ball], ..room(colourful, ball.at, 45.0) });
     let disc = run.truth(&bare, 1, 0).shows_things();
     run.worst(&film, [0], |test, truth| {
@@ -244,7 +244,7 @@ fn camera_inside(run: &Run) -> Result<Outcome> {
         things: vec![Thing { emission: Vec3::splat(0.3), ..Thing::ball(0.5, 0.5, vec3(0.1, 0.0, -0.1)) }],
         ..room(|_, _| Vec3::splat(0.2), vec3(0.3, -0.2, -1.0), 70.0)
     })
-    // beyond the last bounce a path sees the dark room
+    // Beyond the last bounce a path sees the dark room.
     .with("bounces", "12");
     let test = run.play(&film)?.remove(0);
     let truth = vec![[0.6, 0.6, 0.6, 1.0]; test.len()];
