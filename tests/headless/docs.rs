@@ -8,43 +8,40 @@ use iprt::{
         target::TargetArgs,
     },
     settings::{Method, Settings},
-    viewer::controls::KEYS,
 };
 use std::{fs, path::PathBuf};
 
-fn document(name: &str) -> PathBuf {
+fn file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(name)
-}
-
-/// What code says for a document: the name of each part and its text. It stands there between the lines
-/// `<!-- NAME: written by `make docs` -->` and `<!-- end of NAME -->`.
-fn check(name: &str, source: &str, parts: &[(String, String)]) {
-    let text = fs::read_to_string(document(name)).expect("the document is there");
-    let mut expected = text.clone();
-    for (part, body) in parts {
-        let (begin, end) =
-            (format!("<!-- {part}: written by `make docs` from {source} -->\n"), format!("<!-- end of {part} -->"));
-        let (before, rest) = expected.split_once(&begin).unwrap_or_else(|| panic!("{name} lacks the line {begin}"));
-        let (_, after) = rest.split_once(&end).unwrap_or_else(|| panic!("{name} lacks the line {end}"));
-        expected = format!("{before}{begin}\n{}\n\n{end}{after}", body.trim());
-    }
-    if std::env::var_os("IPRT_BLESS").is_some() {
-        fs::write(document(name), &expected).expect("the document can be written");
-    } else {
-        assert!(text == expected, "{name} is not what {source} says: run `make docs`");
-    }
 }
 
 #[test]
 fn the_table_of_settings_is_the_codes_own() {
-    check("docs/methods.md", "src/settings.rs", &[("settings".to_owned(), Settings::markdown())]);
+    generated("docs/methods.md", "settings", "the table in src/settings.rs", &Settings::markdown());
 }
 
 #[test]
 fn the_table_of_keys_is_the_windows_own() {
-    let rows: String = KEYS.iter().map(|(keys, meaning)| format!("| {keys} | {meaning} |\n")).collect();
+    let rows: String =
+        iprt::viewer::controls::KEYS.iter().map(|(keys, meaning)| format!("| {keys} | {meaning} |\n")).collect();
     let table = format!("| key | does |\n|---|---|\n{rows}");
-    check("docs/window.md", "src/viewer/controls.rs", &[("keys".to_owned(), table)]);
+    generated("docs/window.md", "keys", "the table in src/viewer/controls.rs", &table);
+}
+
+/// Replaces what stands between two marks of a document, or demands that it is the same.
+fn generated(document: &str, subject: &str, from: &str, table: &str) {
+    let path = file(document);
+    let text = fs::read_to_string(&path).expect("it is there");
+    let (begin, end) =
+        (format!("<!-- {subject}: written by `make docs` from {from} -->\n"), format!("<!-- end of {subject} -->"));
+    let (before, rest) = text.split_once(&begin).unwrap_or_else(|| panic!("{document} lacks the line {begin}"));
+    let (_, after) = rest.split_once(&end).unwrap_or_else(|| panic!("{document} lacks the line {end}"));
+    let expected = format!("{before}{begin}\n{table}\n{end}{after}");
+    if std::env::var_os("IPRT_BLESS").is_some() {
+        fs::write(&path, &expected).expect("it can be written");
+    } else {
+        assert!(text == expected, "{document} is not what {from} says: run `make docs`");
+    }
 }
 
 #[test]
@@ -56,13 +53,13 @@ fn the_manual_of_commands_is_claps_own() {
     ];
     let mut cli = Cli::command();
     cli.build();
-    let everywhere: Vec<_> = cli.get_arguments().filter(|arg| *arg.get_action() != ArgAction::Version).collect();
-    let mut parts = vec![
-        ("options of every command".to_owned(), table(&everywhere)),
-        ("picture options".to_owned(), table(&missing(&shared[0].1, &[&shared[1].1]))),
-        ("device options".to_owned(), table(&missing(&shared[1].1, &[]))),
-        ("target options".to_owned(), table(&missing(&shared[2].1, &[]))),
-    ];
+    let everywhere: Vec<_> =
+        cli.get_arguments().filter(|arg| !matches!(arg.get_action(), ArgAction::Version)).collect();
+    let manual = |part: &str, text: &str| generated("docs/cli.md", part, "the arguments in src/cli", text);
+    manual("options of every command", &table(&everywhere));
+    manual("picture options", &table(&missing(&shared[0].1, &[&shared[1].1])));
+    manual("device options", &table(&missing(&shared[1].1, &[])));
+    manual("target options", &table(&missing(&shared[2].1, &[])));
     let mut commands = Vec::new();
     collect(&cli, "iprt", &mut commands);
     for (name, mut command) in commands {
@@ -77,9 +74,8 @@ fn the_manual_of_commands_is_claps_own() {
         let links = if links.is_empty() { String::new() } else { format!("\nIt also takes {}.\n", links.join(", ")) };
         let usage = command.render_usage().to_string();
         let usage = usage.trim_start_matches("Usage: ");
-        parts.push((name, format!("{about}.\n\n```text\n{usage}\n```\n{own}{links}{more}")));
+        manual(&name, &format!("{about}.\n\n```text\n{usage}\n```\n{own}{links}{more}"));
     }
-    check("docs/cli.md", "the arguments in src/cli", &parts);
 }
 
 /// The commands that do something, with all words of their names.
@@ -151,7 +147,7 @@ fn every_setting_and_method_is_described() {
     for row in Settings::TABLE {
         assert!(row.meaning.len() > 10 && !row.meaning.contains('|'), "{}", row.name);
     }
-    let text = fs::read_to_string(document("docs/methods.md")).expect("docs/methods.md is there");
+    let text = fs::read_to_string(file("docs/methods.md")).expect("docs/methods.md is there");
     for method in Method::ALL {
         assert!(text.contains(&format!("| `{}` | ", method.name())), "{}", method.name());
     }
