@@ -20,9 +20,9 @@
 //! * [`settings`]: every approximation as a named value; a [`settings::Method`] is a preset of them.
 //! * [`options`]: what to render, and how.
 //! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
-//! * [`passes`]: one file a pass. Each runs on a [`passes::view::View`], the images and history of one picture, and finds what
+//! * [`passes`]: one file a pass, and a table of them. Each runs on a [`passes::view::View`], the images and history of one picture, and finds what
 //!   it binds by GLSL name ([`passes::resources`]).
-//! * [`plan`]: which parts of the model a scene needs. What is left out is not dispatched, compiled in or allocated.
+//! * [`plan`]: which parts of the model a scene needs, from a table of them. What is left out is not dispatched, compiled in or allocated.
 //! * [`renderer`]: the frame, as far as the plan has it.
 //! * [`mod@reference`]: scene truth by path tracing, the panoramas of the built-in rooms made with it, and truths that are kept.
 //! * [`measure`]: pass times, errors by region against both truths, the [`measure::chart`] of speed against accuracy, and the
@@ -71,14 +71,16 @@
 //!
 //! # Adding a pass
 //!
-//! 1. `shaders/glsl/NAME.comp`: its head says inputs, outputs, units and the equation. It becomes `shaders::NAME`.
-//! 2. `src/passes/NAME.rs`: a [`passes::resources::Kernel`] with the bindings by GLSL name, each with its [`gpu::Access`], and push constants
-//!    by `gpu_struct!`; a `record` of a few lines. All is checked against the SPIR-V when the pipeline is made.
-//! 3. New images: per picture in `declared` of [`passes::view`], with the part of the plan without which they are left out, per video frame in [`passes::panorama::Panorama::new`]. Those of a
-//!    picture are AOVs at once; those in [`passes::view::SURFACE_IMAGES`] hold real and virtual surfaces, pairs are history.
-//! 4. A part of the plan, if a scene can do without it: [`plan::Part`] and its criterion in [`plan::Facts`]; else nothing.
+//! 1. `shaders/glsl/NAME.comp`: its head says inputs, outputs, units and the equation. What others bind too is in `bind/*.glsl`.
+//!    It becomes `shaders::NAME`.
+//! 2. `src/passes/NAME.rs`: a [`passes::resources::Kernel`] and a `record` of a few lines. What it binds, how and in which format comes from
+//!    the shader, and names find it; push constants are a `gpu_struct!`, specialization constants go by name.
+//! 3. New images: those of a picture in `DECLARED` of [`passes::view`], those of a video frame in [`passes::panorama::Panorama::new`].
+//! 4. A row of [`passes::PASSES`]; where a scene can do without it, a row in [`plan::part`] and a criterion in `Plan::needed`.
 //! 5. A field of [`renderer::Renderer`], a line in its frame, and a [`gpu::Frame::barrier`] that says what it separates.
-//! 6. Its name in [`measure::bench::PASSES`], its settings in [`settings`], its section in `docs/pipeline.md`.
+//! 6. Its settings in [`settings`], its section in `docs/pipeline.md`; `make docs` writes the tables.
+//!
+//! `tests/headless/adding.rs` adds one so.
 
 pub mod cli;
 pub mod error;

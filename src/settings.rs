@@ -197,6 +197,13 @@ macro_rules! settings {
                 vec![ $( $( (stringify!($name), self.$name.text()), )* )* ]
             }
 
+            /// Sets one that exists to a value that it may have; it does not count as given.
+            pub(crate) fn leave_out(&mut self, name: &str, off: &str) {
+                if let Some(row) = Self::TABLE.iter().find(|row| row.name == name) {
+                    self.assign(row, off);
+                }
+            }
+
             fn assign(&mut self, row: &Description, text: &str) -> bool {
                 match row.name {
                     $( $( stringify!($name) => Value::parse(text, row.range).map(|value| self.$name = value).is_some(), )* )*

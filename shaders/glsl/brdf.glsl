@@ -2,9 +2,6 @@
 // Energy: the GGX lobe is scaled by 1 + F0 (1/E − 1) (Turquin 2019) to make up for the missing multiple scattering;
 // the Lambert lobe gets what the GGX lobe leaves, 1 − ρ(μ_o).
 
-// Directional albedo of GGX, 32×32 over (cos θ_o, roughness), 0 and 1 included: ρ = F0·x + F90·y. `brdf_table` in passes/brdf.rs.
-layout(set = 0, binding = 20, scalar) readonly buffer Energy { vec2 value[]; } in_energy;
-
 const int ENERGY_SIZE = 32;
 
 vec2 brdf_energy(float cosine, float roughness) {

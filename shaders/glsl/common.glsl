@@ -30,42 +30,7 @@ const uint FAULT_LAST_TILE_LOST = 13u;
 const uint FAULT_NARROW_COLUMNS = 14u;
 const uint FAULT_DRIFT = 15u;
 
-// One picture being made: camera now and one frame ago, the panorama's shape, and the settings. `ViewData` in passes/view.rs.
-struct View {
-    vec3 position;
-    vec3 right;
-    vec3 up;
-    vec3 forward;
-    vec2 tan_half;
-    vec3 previous_position;
-    vec3 previous_right;
-    vec3 previous_up;
-    vec3 previous_forward;
-    vec2 previous_tan_half;
-    uvec2 size;
-    uint projection;
-    uint frame;
-    uint seed;
-    uvec2 color_size;
-    uint color_levels;
-    uvec2 depth_size;
-    float yaw;
-    float edge_ratio;
-    float thickness;
-    uint pyramid_levels;
-    uvec2 pyramid_size;
-    uint pyramid_area;
-    uint pyramid_nodes;
-    uint instance_count;
-    uint bounces;
-    uint coverage_samples;
-    uint rays_per_16;
-    uint history_limit;
-    uint relit;
-    uvec2 relight_size;
-};
-
-layout(set = 0, binding = 0, scalar) uniform ViewBuffer { View view; } in_view;
+#include "bind/view.glsl"
 
 // --- random numbers: integer hashes of (pixel, frame, dimension, seed) ---
 

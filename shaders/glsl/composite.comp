@@ -5,17 +5,9 @@
 // In: camera_radiance (L_cam), real_coverage (M), albedo_virtual (k_V), emission (L_e), mask, a (E_R | E), b (ΔE | L_GGX). Out: radiance, alpha 1.
 #include "common.glsl"
 #include "parts.glsl"
+#include "bind/images.glsl"
 #include "relit.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-
-layout(set = 0, binding = 33, rgba32f) uniform readonly image2D in_camera_radiance;
-layout(set = 0, binding = 34, rgba16f) uniform readonly image2D in_albedo_virtual;
-layout(set = 0, binding = 35, rgba16f) uniform readonly image2D in_emission;
-layout(set = 0, binding = 37, r32f) uniform readonly image2D in_real_coverage;
-layout(set = 0, binding = 41, r32f) uniform readonly image2DArray in_mask;
-layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray in_a;
-layout(set = 0, binding = 54, rgba32f) uniform readonly image2DArray in_b;
-layout(set = 0, binding = 59, rgba32f) uniform writeonly image2D out_radiance;
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);

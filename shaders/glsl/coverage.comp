@@ -4,17 +4,15 @@
 // 3×3 neighbourhood holds both kinds of surface. A pixel whose centre is real but whose edge is virtual gets its virtual
 // surface here, from the sub-pixel hit nearest to the centre.
 // In: camera_radiance.w (M at the centre); panorama, scene. Out: coverage (0…1); position, normal, motion, k_V, emission, hit.
-#define TRACE_PANORAMA
 #include "common.glsl"
 #include "parts.glsl"
+#include "bind/images.glsl"
 #include "panorama.glsl"
+#include "trace.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"
 #include "gbuffer.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-
-layout(set = 0, binding = 33, rgba32f) uniform readonly image2D in_camera_radiance;
-layout(set = 0, binding = 37, r32f) uniform writeonly image2D out_real_coverage;
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);

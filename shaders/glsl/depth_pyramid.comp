@@ -8,7 +8,6 @@
 #include "panorama.glsl"
 #include "pyramid.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(set = 0, binding = 4, rgba32ui) uniform uimage2D pyramid;
 
 layout(push_constant, scalar) uniform Push { uint level; uint width; uint height; uint far_sides; } push;
 

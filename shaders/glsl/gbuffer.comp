@@ -4,17 +4,15 @@
 // In: panorama radiance, depth and normals; the scene. Out: position (m), normal, motion (pixels), L_cam (radiance), k_V,
 // emission, hit, for the real and the virtual surface. M at the centre goes to camera_radiance.w; coverage refines it.
 // Where nothing is inserted, L_cam alone; for a map of irradiance, real surfaces alone.
-#define TRACE_PANORAMA
-#define PANORAMA_LEVELS
 #include "common.glsl"
 #include "parts.glsl"
+#include "bind/images.glsl"
 #include "panorama.glsl"
+#include "trace.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"
 #include "gbuffer.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-
-layout(set = 0, binding = 33, rgba32f) uniform writeonly image2D out_camera_radiance;
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);

@@ -1,20 +1,5 @@
 // What gbuffer and coverage share: the real surface a primary ray meets, and how a virtual one is written.
 layout(constant_id = 0) const uint OFF_CENTRE = 0; // 1: the camera is not at the panorama's centre, primary rays are traced
-
-layout(set = 0, binding = 5, rgba16f) uniform readonly image2D in_panorama_normal;
-// Layer REAL and layer VIRTUAL. xyz position, w distance from the camera (0: no such surface).
-layout(set = 0, binding = 30, rgba32f) uniform writeonly image2DArray out_position;
-// xyz shading normal, w roughness (1 for real surfaces).
-layout(set = 0, binding = 31, rgba16f) uniform writeonly image2DArray out_normal;
-// xy motion to the previous frame in pixels, z distance from the previous camera, w object id (0: real).
-layout(set = 0, binding = 32, rgba32f) uniform writeonly image2DArray out_motion;
-// Albedo k_V of the Lambert lobe under the GGX lobe; w metallic.
-layout(set = 0, binding = 34, rgba16f) uniform writeonly image2D out_albedo_virtual;
-// Emitted radiance.
-layout(set = 0, binding = 35, rgba16f) uniform writeonly image2D out_emission;
-// Instance, triangle, barycentric coordinates (float bits) of the virtual surface.
-layout(set = 0, binding = 36, rgba32ui) uniform writeonly uimage2D out_hit;
-
 layout(constant_id = 9) const uint FILL_UNSEEN = 0; // 1: where the capture saw nothing, what lies behind an edge is carried on
 
 struct RealPoint { float t; vec2 uv; ivec2 texel; };

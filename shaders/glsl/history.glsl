@@ -1,8 +1,5 @@
 // The previous frame, and whether it holds a pixel's surface. sampling_mask and temporal ask the same, so that what is not traced has a
 // history.
-layout(set = 0, binding = 50, rgba32f) uniform readonly image2DArray history_position;
-layout(set = 0, binding = 51, rgba16f) uniform readonly image2DArray history_normal;
-layout(set = 0, binding = 52, rgba32f) uniform readonly image2DArray history_motion;
 
 // A history texel counts if it was this surface: same object, at the distance this point then had, facing alike. `q` wraps.
 float history_weight(inout ivec2 q, int layer, vec4 motion, vec3 normal) {

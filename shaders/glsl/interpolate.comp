@@ -5,18 +5,10 @@
 // In: tiles, mask, position, normal, motion.w (id). In/out: irradiance_a, irradiance_b, only untraced pixels written.
 #include "common.glsl"
 #include "parts.glsl"
+#include "bind/images.glsl"
 #include "list.glsl"
 #include "edge_stop.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-
-layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
-layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
-layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray in_motion;
-layout(set = 0, binding = 41, r32f) uniform readonly image2DArray in_mask;
-layout(set = 0, binding = 43, scalar) readonly buffer Tiles { uint item[]; } in_tiles;
-layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; } in_arguments;
-layout(set = 0, binding = 45, rgba32f) uniform image2DArray irradiance_a;
-layout(set = 0, binding = 46, rgba32f) uniform image2DArray irradiance_b;
 
 layout(push_constant, scalar) uniform Push { int radius; } push;
 

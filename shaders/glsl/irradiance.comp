@@ -6,10 +6,11 @@
 // up to `bounces` vertices.
 // In: list, position, normal, hit; panorama, scene, relit panorama. Out: irradiance_a (E_R | E; w unused), irradiance_b (ΔE | GGX radiance;
 // w distance of the hit, metres).
-#define TRACE_PANORAMA
 #include "common.glsl"
 #include "parts.glsl"
+#include "bind/images.glsl"
 #include "panorama.glsl"
+#include "trace.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"
 #include "relit.glsl"
@@ -20,19 +21,9 @@ layout(push_constant, scalar) uniform Push { float screen_thickness; float scree
 layout(constant_id = 1) const uint LAYER = 0;
 layout(constant_id = 4) const uint REAL_TRACER = 0;
 layout(constant_id = 5) const uint VIRTUAL_TRACER = 0;
-layout(constant_id = 7) const uint DIRECTIONS = 2;
 const uint MARCH = 1u;     // of REAL_TRACER
 const uint DIRECTION = 2u; // of REAL_TRACER
 const uint SCREEN = 1u;    // of VIRTUAL_TRACER
-const uint BRDF = 0u;      // of DIRECTIONS
-
-layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
-layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
-layout(set = 0, binding = 36, rgba32ui) uniform readonly uimage2D in_hit;
-layout(set = 0, binding = 42, scalar) readonly buffer List { uint item[]; } in_list;
-layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; } in_arguments;
-layout(set = 0, binding = 45, rgba32f) uniform writeonly image2DArray out_irradiance_a;
-layout(set = 0, binding = 46, rgba32f) uniform writeonly image2DArray out_irradiance_b;
 
 #include "march.glsl"
 #include "screen.glsl"

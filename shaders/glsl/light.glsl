@@ -3,18 +3,14 @@
 // A cell's weight is its solid angle times its luminance above the mean, so that only lamps and windows are drawn and BRDF sampling
 // keeps the rest. `light_table.comp` fills the table: header (share of drawing lights, total weight), cumulative row weights,
 // cumulative cell weights in each row, cell weights.
-#ifdef LIGHT_TABLE_WRITES
-layout(set = 0, binding = 8, scalar) buffer Lights { float share; float total; float value[]; } lights;
-#else
-layout(set = 0, binding = 8, scalar) readonly buffer Lights { float share; float total; float value[]; } in_lights;
-#endif
+layout(constant_id = 7) const uint DIRECTIONS = 2; // what draws the directions of rays: `Directions` in settings.rs
+const uint BRDF = 0u, LIGHT = 1u;
 
 const ivec2 LIGHT_CELLS = ivec2(256, 128);
 const int LIGHT_ROWS_AT = 0;
 const int LIGHT_CUMULATIVE_AT = 128;
 const int LIGHT_WEIGHTS_AT = 128 + 256 * 128;
 
-#ifndef LIGHT_TABLE_WRITES
 // A direction from the panorama's centre.
 vec3 light_sample(vec2 u, vec2 within) {
     float x = u.x * in_lights.total;
@@ -53,4 +49,3 @@ float light_density(vec3 x, vec3 d, PanoramaHit hit) {
     float cos_c = abs(dot(hit.normal, point)) * inversesqrt(max(distance2, 1e-20)), cos_x = abs(dot(hit.normal, d));
     return p * hit.t * hit.t * cos_c / max(distance2 * cos_x, 1e-12);
 }
-#endif

@@ -2,7 +2,6 @@
 #extension GL_GOOGLE_include_directive : require
 // Per video frame, light_table (first dispatch): mean luminance of each cell, of the radiance as rays see it: bilinear between texels, so that
 // a lamp's rim, which reaches into its neighbours, is drawn, too. In: panorama radiance. Out: lights (weights hold luminance for now).
-#define LIGHT_TABLE_WRITES
 #include "common.glsl"
 #include "panorama.glsl"
 #include "light.glsl"

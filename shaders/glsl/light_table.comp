@@ -2,12 +2,10 @@
 #extension GL_GOOGLE_include_directive : require
 // Per video frame, light_table (second dispatch, one workgroup): weights above the mean and their cumulative sums.
 // In/out: lights. A thread owns a row of cells.
-#define LIGHT_TABLE_WRITES
 #include "common.glsl"
+#include "panorama.glsl"
 #include "light.glsl"
 layout(local_size_x = 128) in;
-layout(constant_id = 7) const uint DIRECTIONS = 2;
-const uint LIGHT = 1u; // all rays are drawn from the table, so it covers the panorama, black texels too
 
 shared float row_sum[128];
 shared float row_solid_angle[128];
@@ -30,6 +28,7 @@ void main() {
     sum = 0.0;
     for (int x = 0; x < LIGHT_CELLS.x; x++) {
         float l = lights.value[weights + x];
+        // where all rays are drawn from it, the table covers the panorama, black texels too
         float w = (DIRECTIONS == LIGHT ? l + 0.1 * mean : max(0.0, l - mean)) * solid_angle;
         lights.value[weights + x] = w;
         sum += w;

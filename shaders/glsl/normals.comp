@@ -7,9 +7,6 @@
 #include "common.glsl"
 #include "panorama.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(set = 0, binding = 5, rgba16f) uniform writeonly image2D out_panorama_normal;
-layout(set = 0, binding = 62, rgba32f) uniform readonly image2D in_plane;
-layout(set = 0, binding = 63, r32f) uniform writeonly image2D out_depth;
 
 layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;
 

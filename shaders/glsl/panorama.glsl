@@ -1,16 +1,8 @@
 // The real scene: the panorama as radiance by direction and as a surface in space.
 // The surface: a vertex at each texel centre, quads of four neighbours split along (i,j)–(i+1,j+1), a fan to each pole.
 
-// Level 0, and, where the picture is coarser than the panorama (MINIFIED), all mip levels.
-layout(set = 0, binding = 1, rgba32f) uniform readonly image2D in_panorama_radiance;
-#ifdef PANORAMA_LEVELS
-layout(constant_id = 3) const uint MINIFIED = 0;
-layout(set = 0, binding = 9) uniform sampler2D panorama_levels;
-#endif
-// Radial depth, metres; 0 is a hole. Texel row j is row j + 1; the first and the last row hold the poles.
-layout(set = 0, binding = 2, r32f) uniform readonly image2D in_depth;
-// First row: (sin φ, cos φ) of each column. Second: (sin θ, cos θ) of each row of in_depth.
-layout(set = 0, binding = 3, rg32f) uniform readonly image2D in_angles;
+#include "bind/panorama.glsl"
+layout(constant_id = 3) const uint MINIFIED = 0; // 1: the picture is coarser than the panorama and reads its mip levels
 
 const uint FREE = 0u;
 const uint SURFACE = 1u;
@@ -39,7 +31,6 @@ vec3 panorama_bilinear(vec2 uv) {
     return mix(mix(a, b, f.x), mix(c, d, f.x), f.y);
 }
 
-#ifdef PANORAMA_LEVELS
 vec3 panorama_bilinear_level(vec2 uv, int level) {
     ivec2 size = textureSize(panorama_levels, level);
     vec2 p = uv * vec2(size) - 0.5;
@@ -58,7 +49,6 @@ vec3 panorama_filtered(vec2 uv, float angle) {
     int l = int(level);
     return mix(panorama_bilinear_level(uv, l), panorama_bilinear_level(uv, min(l + 1, int(in_view.view.color_levels) - 1)), level - float(l));
 }
-#endif
 
 // --- the surface ---
 
@@ -102,10 +92,3 @@ float surface_distance(vec3 d, out ivec2 texel) {
     float t = dot(n, va) / dot(n, d);
     return t >= 0.5 * near && t <= 2.0 * far ? t : near; // edge-on by rounding
 }
-
-#ifdef TRACE_PANORAMA
-#include "trace.glsl"
-#endif
-#ifdef MARCH_PANORAMA
-#include "march.glsl"
-#endif

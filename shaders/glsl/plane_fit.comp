@@ -7,7 +7,6 @@
 #include "common.glsl"
 #include "panorama.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(set = 0, binding = 62, rgba32f) uniform writeonly image2D out_plane;
 
 // tolerance: of 1/D, absolute (1/m) and relative; radial_step: the codes' spacing where they are radial, metres.
 layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;

@@ -1,9 +1,6 @@
+#include "bind/relit.glsl"
 layout(constant_id = 6) const uint RELIGHTING = 0;
 const uint RATIO = 1u;
-
-// The relit panorama: E_R and ΔE of real surfaces, on a coarse equirect map aligned with the panorama.
-layout(set = 0, binding = 6, rgba32f) uniform readonly image2DArray in_relight_real;
-layout(set = 0, binding = 7, rgba32f) uniform readonly image2DArray in_relight_change;
 
 // out = L + ΔE·k, k = min(L/E_R, 1/π): what a diffuse surface reflects per irradiance, at most all of it. It is
 // L_e + (L − L_e)·E_RV/E_R with L_e = max(0, L − E_R/π), without the division's pole at E_R = 0. RATIO is the paper's

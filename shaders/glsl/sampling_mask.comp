@@ -5,21 +5,10 @@
 // In: position, normal, coverage, motion; history: position, normal, motion, length. Out: mask (0 nothing there, 1 traced, 2 interpolated), lists, arguments; irradiance_a, _b of what nothing will fill.
 #include "common.glsl"
 #include "parts.glsl"
+#include "bind/images.glsl"
 #include "list.glsl"
 #include "history.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-
-layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
-layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
-layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray in_motion;
-layout(set = 0, binding = 37, r32f) uniform readonly image2D in_real_coverage;
-layout(set = 0, binding = 40, rgba32f) uniform readonly image2DArray history_moments;
-layout(set = 0, binding = 41, r32f) uniform writeonly image2DArray out_mask;
-layout(set = 0, binding = 42, scalar) writeonly buffer List { uint item[]; } out_list;
-layout(set = 0, binding = 43, scalar) writeonly buffer Tiles { uint item[]; } out_tiles;
-layout(set = 0, binding = 44, scalar) buffer Arguments { uint word[]; } out_arguments;
-layout(set = 0, binding = 45, rgba32f) uniform writeonly image2DArray out_irradiance_a;
-layout(set = 0, binding = 46, rgba32f) uniform writeonly image2DArray out_irradiance_b;
 
 layout(push_constant, scalar) uniform Push {
     uint dense;

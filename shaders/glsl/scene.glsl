@@ -1,32 +1,8 @@
-// The virtual objects: two-level BVH, materials, textures. Structs as in scene/packed.rs (scalar layout).
+// The virtual objects: two-level BVH, materials, textures.
 
 const uint NONE = 0xffffffffu;
 
-struct TriangleGeometry { vec3 v0; vec3 e1; vec3 e2; };
-struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
-struct Vertex { vec3 normal; vec2 uv; vec4 tangent; };
-struct BvhNode { vec3 min0; uint child0; vec3 max0; uint count0; vec3 min1; uint child1; vec3 max1; uint count1; };
-struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint padding[2]; };
-struct Material {
-    vec3 base_color; float metallic;
-    vec3 emissive; float roughness;
-    vec3 specular_color; float specular;
-    float ior; float normal_scale;
-    uint flags;
-    uint base_color_texture; uint metallic_roughness_texture; uint normal_texture; uint emissive_texture;
-    uint specular_texture; uint specular_color_texture;
-};
-struct Texture { uint offset; uint width; uint height; uint levels; uint wrap_u; uint wrap_v; uint srgb; uint nearest; };
-
-layout(set = 0, binding = 10, scalar) readonly buffer Triangles { TriangleGeometry triangle[]; } in_triangles;
-layout(set = 0, binding = 11, scalar) readonly buffer Shading { TriangleShading triangle[]; } in_shading;
-layout(set = 0, binding = 12, scalar) readonly buffer Vertices { Vertex vertex[]; } in_vertices;
-layout(set = 0, binding = 13, scalar) readonly buffer Nodes { BvhNode node[]; } in_nodes;
-layout(set = 0, binding = 14, scalar) readonly buffer Instances { Instance instance[]; } in_instances;
-layout(set = 0, binding = 15, scalar) readonly buffer TopNodes { BvhNode node[]; } in_top_nodes;
-layout(set = 0, binding = 16, scalar) readonly buffer Materials { Material material[]; } in_materials;
-layout(set = 0, binding = 17, scalar) readonly buffer Textures { Texture entry[]; } in_textures;
-layout(set = 0, binding = 18, scalar) readonly buffer Texels { uint texel[]; } in_texels;
+#include "bind/scene.glsl"
 
 struct SceneHit {
     float t;       // FAR where nothing was hit

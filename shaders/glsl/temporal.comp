@@ -6,25 +6,11 @@
 // of the mean), moments (x, y: second moments of the luminances of a and b; z: history length, frames; w: hit distance, metres).
 #include "common.glsl"
 #include "parts.glsl"
+#include "bind/images.glsl"
 #include "list.glsl"
 #include "history.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 2) const uint CLAMP = 1;
-
-layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
-layout(set = 0, binding = 31, rgba16f) uniform readonly image2DArray in_normal;
-layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray in_motion;
-layout(set = 0, binding = 41, r32f) uniform readonly image2DArray in_mask;
-layout(set = 0, binding = 43, scalar) readonly buffer Tiles { uint item[]; } in_tiles;
-layout(set = 0, binding = 44, scalar) readonly buffer Arguments { uint word[]; } in_arguments;
-layout(set = 0, binding = 45, rgba32f) uniform readonly image2DArray in_irradiance_a;
-layout(set = 0, binding = 46, rgba32f) uniform readonly image2DArray in_irradiance_b;
-layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray history_a;
-layout(set = 0, binding = 54, rgba32f) uniform readonly image2DArray history_b;
-layout(set = 0, binding = 55, rgba32f) uniform readonly image2DArray history_moments;
-layout(set = 0, binding = 56, rgba32f) uniform writeonly image2DArray out_a;
-layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_b;
-layout(set = 0, binding = 58, rgba32f) uniform writeonly image2DArray out_moments;
 
 layout(push_constant, scalar) uniform Push { uint history_valid; uint filtered; float clamp_spread; } push;
 

@@ -1,6 +1,5 @@
 // Rays through the panorama's surface, exactly as defined, from anywhere.
 #include "pyramid.glsl"
-layout(set = 0, binding = 4, rgba32ui) uniform readonly uimage2D in_pyramid;
 
 const uint NO_TRIANGLE = 0xffffffffu;
 

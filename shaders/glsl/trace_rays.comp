@@ -2,10 +2,10 @@
 #extension GL_GOOGLE_include_directive : require
 // Any rays against the panorama's surface: what `iprt bench --rays` times and the tracer's test compares with its oracle.
 // In: rays (m), depth, angles, pyramid. Out: answers.
-#define TRACE_PANORAMA
-#define MARCH_PANORAMA
 #include "common.glsl"
 #include "panorama.glsl"
+#include "trace.glsl"
+#include "march.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint FAR_SIDES = 0; // 1: the pyramid has them, and answers say what is unknown
 layout(constant_id = 1) const uint MARCH_STEPS = 0; // above 0: rays are marched
@@ -13,8 +13,8 @@ layout(constant_id = 1) const uint MARCH_STEPS = 0; // above 0: rays are marched
 struct TracedRay { vec3 origin; float t_min; vec3 direction; float t_max; };
 struct RayAnswer { float t; uint kind; vec2 uv; vec3 normal; uint unknown; };
 
-layout(set = 0, binding = 1, scalar) readonly buffer Rays { TracedRay ray[]; } in_rays;
-layout(set = 0, binding = 6, scalar) writeonly buffer Answers { RayAnswer answer[]; } out_answers;
+layout(set = 0, binding = 30, scalar) readonly buffer Rays { TracedRay ray[]; } in_rays;
+layout(set = 0, binding = 31, scalar) writeonly buffer Answers { RayAnswer answer[]; } out_answers;
 
 layout(push_constant, scalar) uniform Push { uint count; } push;
 

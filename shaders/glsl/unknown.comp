@@ -3,9 +3,9 @@
 // unknown: what a camera off the capture point sees that the capture never saw; for the window, no part of the frame.
 // In: depth, angles, pyramid with far sides. Out: 1 where the ray through a pixel's centre passes a skirt's far side before it meets
 // anything, or meets a skirt; 0 elsewhere.
-#define TRACE_PANORAMA
 #include "common.glsl"
 #include "panorama.glsl"
+#include "trace.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(set = 0, binding = 30, r32f) uniform writeonly image2D out_unknown;

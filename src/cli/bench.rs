@@ -8,12 +8,14 @@ use crate::{
     Error, Result,
     image_file::write::write_bytes,
     measure::{bench, rays},
+    passes,
     renderer::Renderer,
 };
 use std::path::PathBuf;
 
 /// Arguments of `iprt bench`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_long_help = passes::help())]
 pub struct Args {
     #[command(flatten)]
     pub picture: PictureArgs,

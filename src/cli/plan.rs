@@ -1,11 +1,16 @@
 //! `iprt plan` tells which parts of the model a scene needs, and why.
 
 use super::{common::PictureArgs, target::TargetArgs};
-use crate::{Error, Result, image_file::write::write_bytes, plan::Plan};
+use crate::{
+    Error, Result,
+    image_file::write::write_bytes,
+    plan::{Part, Plan},
+};
 use std::path::PathBuf;
 
 /// Arguments of `iprt plan`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_long_help = Part::help())]
 pub struct Args {
     #[command(flatten)]
     pub picture: PictureArgs,

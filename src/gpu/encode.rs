@@ -262,7 +262,7 @@ fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
                 for (slot, bind) in pass.slots.iter().zip(binds) {
                     let write = vk::WriteDescriptorSet::default()
                         .dst_set(sets[0])
-                        .dst_binding(slot.binding)
+                        .dst_binding(slot.number)
                         .descriptor_type(slot.kind.descriptor());
                     match bind {
                         Bind::Buffer(buffer) => {

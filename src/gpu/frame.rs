@@ -12,7 +12,7 @@ use super::{
     layout::GpuStruct,
     memory::{Buffer, Image},
     pass::Pass,
-    reflect::{Kind, Slot},
+    reflect::{Binding, Kind},
     timing::Timings,
 };
 use crate::{Error, Result};
@@ -399,8 +399,8 @@ fn order(pass: &Pass, binds: &[(&str, Bind)], gpu: &Gpu) -> std::result::Result<
         .collect()
 }
 
-fn fits(slot: &Slot, bind: &Bind, gpu: &Gpu) -> std::result::Result<(), String> {
-    let name = slot.name;
+fn fits(slot: &Binding, bind: &Bind, gpu: &Gpu) -> std::result::Result<(), String> {
+    let name = &slot.name;
     match (slot.kind, bind) {
         (Kind::StorageBuffer, Bind::Buffer(_)) => Ok(()),
         (Kind::UniformBuffer, Bind::Buffer(buffer)) => {

@@ -12,22 +12,23 @@ pub use super::hazard::Access;
 use super::{
     device::{Gpu, during, lock},
     layout::{PushLayout, StructLayout},
-    reflect::{self, Slot},
+    reflect::{self, Binding, Shader},
 };
 use crate::{Error, Result};
 
-/// What a pass is, in one place: its shader, and what that takes. Checked against the SPIR-V by [`Gpu::pass`].
+/// A specialization constant by its GLSL name, and its value: floats and bools as their bits.
+pub type Constant = (&'static str, u32);
+
+/// What a pass is. Its bindings, and what it does with each, come from the shader; [`Gpu::pass`] checks the rest against it.
 #[derive(Clone, Copy, Debug)]
 pub struct PassDeclaration {
     /// The shader's stem, and the pass's name in timings and labels.
     pub name: &'static str,
     /// The shader.
     pub spirv: &'static [u32],
-    /// What it binds in set 0, by GLSL name (a block's instance name), and what it does with it.
-    pub bindings: &'static [(&'static str, Access)],
     /// Its push constant block.
     pub push: Option<PushLayout>,
-    /// The structs in its buffers, by GLSL name.
+    /// Structs by GLSL name; those in its buffers must be among them.
     pub structs: &'static [StructLayout],
 }
 
@@ -38,7 +39,7 @@ pub struct Pass(pub(super) Arc<PassData>);
 pub(super) struct PassData {
     pub gpu: Gpu,
     pub name: &'static str,
-    pub slots: Vec<Slot>,
+    pub slots: Vec<Binding>,
     pub push: Option<PushLayout>,
     pub local_size: [u32; 3],
     pub set_layout: vk::DescriptorSetLayout,
@@ -46,12 +47,11 @@ pub(super) struct PassData {
     pub pipeline: vk::Pipeline,
 }
 
-/// What makes two pipelines the same: shader and bindings, which are static, and specialization.
+/// What makes two pipelines the same: the shader, which is static, and specialization.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub(super) struct PassKey {
     name: &'static str,
     shader: usize,
-    bindings: (usize, usize),
     specialization: Vec<(u32, u32)>,
 }
 
@@ -59,6 +59,11 @@ impl Pass {
     /// The name in its declaration.
     pub fn name(&self) -> &'static str {
         self.0.name
+    }
+
+    /// What the shader binds, by GLSL name (a block's instance name).
+    pub fn bindings(&self) -> &[Binding] {
+        &self.0.slots
     }
 
     /// Threads of one workgroup along each axis.
@@ -77,7 +82,7 @@ impl fmt::Debug for Pass {
 #[derive(Clone, Default)]
 pub(super) struct Making {
     /// A constant beside those asked for, in the passes of these names.
-    constant: Option<((u32, u32), &'static [&'static str])>,
+    constant: Option<(Constant, &'static [&'static str])>,
     /// Where passes are kept alive.
     kept: Option<Arc<Mutex<Vec<Pass>>>>,
 }
@@ -89,26 +94,20 @@ impl Gpu {
         Self(self.0.clone(), Making { kept: Some(Arc::default()), ..self.1.clone() })
     }
 
-    /// A handle whose passes of these names take one more specialization constant.
+    /// A handle whose passes of these names take one more specialization constant, where their shaders have it.
     #[doc(hidden)]
-    pub fn with_constant(&self, constant: (u32, u32), passes: &'static [&'static str]) -> Self {
+    pub fn with_constant(&self, constant: Constant, passes: &'static [&'static str]) -> Self {
         Self(self.0.clone(), Making { constant: Some((constant, passes)), ..self.1.clone() })
     }
 
-    /// Makes a pass, or finds it where it is alive; `specialization` holds values by `constant_id` (floats and bools as their bits).
+    /// Makes a pass, or finds it where it is alive.
     ///
     /// # Errors
-    /// [`Error::Internal`] that names shader and field where the declaration and the SPIR-V disagree;
-    /// [`Error::Input`] where the workgroup exceeds the device's limits.
-    pub fn pass(&self, declaration: &PassDeclaration, specialization: &[(u32, u32)]) -> Result<Pass> {
-        let mut specialization = specialization.to_vec();
-        if let Some((constant, passes)) = self.1.constant
-            && passes.contains(&declaration.name)
-            && reflect::has_constant(declaration, constant.0)?
-        {
-            specialization.push(constant);
-        }
-        let pass = self.new_or_alive(declaration, &specialization)?;
+    /// [`Error::Internal`] that names shader and field where the declaration and the SPIR-V disagree, or a constant that the shader
+    /// does not have; [`Error::Input`] where the workgroup exceeds the device's limits.
+    pub fn pass(&self, declaration: &PassDeclaration, constants: &[Constant]) -> Result<Pass> {
+        let fault = |problem: String| Error::Internal(format!("shader {}: {problem}", declaration.name));
+        let pass = self.new_or_alive(declaration, constants, fault)?;
         if let Some(kept) = &self.1.kept {
             let mut kept = lock(kept);
             if !kept.iter().any(|known| Arc::ptr_eq(&known.0, &pass.0)) {
@@ -118,11 +117,26 @@ impl Gpu {
         Ok(pass)
     }
 
-    fn new_or_alive(&self, declaration: &PassDeclaration, specialization: &[(u32, u32)]) -> Result<Pass> {
-        let reflected = reflect::check(declaration, specialization)?;
+    fn new_or_alive(
+        &self,
+        declaration: &PassDeclaration,
+        constants: &[Constant],
+        fault: impl Fn(String) -> Error,
+    ) -> Result<Pass> {
         let name = declaration.name;
+        let instructions = reflect::parse(declaration.spirv).map_err(&fault)?;
+        let shader = Shader::new(&instructions);
+        let slots = shader.bindings().map_err(&fault)?;
+        shader.check(declaration).map_err(&fault)?;
+        let mut specialization = shader.specialization(constants).map_err(&fault)?;
+        if let Some(((constant, value), passes)) = self.1.constant
+            && passes.contains(&name)
+            && let Some(id) = shader.constant(constant)
+        {
+            specialization.push((id, value));
+        }
+        let size = shader.local_size(&specialization).ok_or_else(|| fault("its local size is unknown".into()))?;
         let limits = &self.0.limits;
-        let size = reflected.local_size;
         let threads = size.iter().map(|&n| u64::from(n)).product::<u64>();
         if threads > u64::from(limits.max_compute_work_group_invocations)
             || (0..3).any(|i| size[i] > limits.max_compute_work_group_size[i])
@@ -134,14 +148,9 @@ impl Gpu {
             ));
         }
         if declaration.push.is_some_and(|push| push.size % 4 != 0) {
-            return Err(Error::Internal(format!("shader {name}: push constants are not a multiple of 4 bytes")));
+            return Err(fault("push constants are not a multiple of 4 bytes".into()));
         }
-        let key = PassKey {
-            name,
-            shader: declaration.spirv.as_ptr() as usize,
-            bindings: (declaration.bindings.as_ptr() as usize, declaration.bindings.len()),
-            specialization: specialization.to_vec(),
-        };
+        let key = PassKey { name, shader: declaration.spirv.as_ptr() as usize, specialization: specialization.clone() };
         if let Some(alive) = lock(&self.0.passes).get(&key).and_then(Weak::upgrade) {
             return Ok(Pass(alive));
         }
@@ -149,7 +158,7 @@ impl Gpu {
         let mut data = PassData {
             gpu: Self(self.0.clone(), Making::default()), // a pass that is kept must not keep its keeper
             name,
-            slots: reflected.slots,
+            slots,
             push: declaration.push,
             local_size: size,
             set_layout: vk::DescriptorSetLayout::null(),
@@ -157,7 +166,7 @@ impl Gpu {
             pipeline: vk::Pipeline::null(),
         };
         let start = Instant::now();
-        data.build(declaration.spirv, specialization)?;
+        data.build(declaration.spirv, &specialization)?;
         tracing::debug!("{name}: a pipeline was made, {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
         let pass = Arc::new(data);
         let mut passes = lock(&self.0.passes);
@@ -174,10 +183,10 @@ impl PassData {
         let bindings: Vec<_> = self
             .slots
             .iter()
-            .map(|slot| {
+            .map(|binding| {
                 vk::DescriptorSetLayoutBinding::default()
-                    .binding(slot.binding)
-                    .descriptor_type(slot.kind.descriptor())
+                    .binding(binding.number)
+                    .descriptor_type(binding.kind.descriptor())
                     .descriptor_count(1)
                     .stage_flags(vk::ShaderStageFlags::COMPUTE)
             })

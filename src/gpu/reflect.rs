@@ -1,4 +1,4 @@
-//! Compares a pass's declaration with its SPIR-V, so that Rust and GLSL cannot drift apart.
+//! What a shader's SPIR-V says of it, and whether a pass's declaration agrees, so that Rust and GLSL cannot drift apart.
 
 use std::collections::{HashMap, HashSet};
 
@@ -9,17 +9,26 @@ use rspirv::{
     spirv::{Decoration, Dim, ExecutionMode, ImageFormat, Op, StorageClass},
 };
 
-use super::{hazard::Access, layout::Fields, memory::Format, pass::PassDeclaration};
+use super::{
+    hazard::Access,
+    layout::Fields,
+    memory::Format,
+    pass::{Constant, PassDeclaration},
+};
 use crate::{Error, Result};
 
 type Checked<T> = std::result::Result<T, String>;
 
 /// What the shader takes at one binding.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Kind {
+pub enum Kind {
+    /// A storage buffer.
     StorageBuffer,
+    /// A uniform buffer.
     UniformBuffer,
+    /// An image that is loaded from or stored to; `array`: with layers.
     StorageImage { format: Format, array: bool },
+    /// An image that is sampled.
     Sampled { array: bool, integer: bool },
 }
 
@@ -34,124 +43,33 @@ impl Kind {
     }
 }
 
-/// One binding, checked.
-#[derive(Clone, Debug)]
-pub(super) struct Slot {
-    pub name: &'static str,
-    pub binding: u32,
+/// One binding of a shader, in set 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Binding {
+    /// Its GLSL name; a block's instance name.
+    pub name: String,
+    /// Its number.
+    pub number: u32,
+    /// What the shader does with it, by `readonly` and `writeonly`.
     pub access: Access,
+    /// What it takes.
     pub kind: Kind,
 }
 
-/// What a pipeline needs to know of its shader.
-#[derive(Debug)]
-pub(super) struct Reflected {
-    pub local_size: [u32; 3],
-    pub slots: Vec<Slot>,
-}
-
-/// Reads the SPIR-V of `declaration` and checks the one against the other.
+/// What a shader binds, by the variables that its functions touch.
 ///
 /// # Errors
-/// [`Error::Internal`] that names shader and field where they disagree.
-pub(super) fn check(declaration: &PassDeclaration, specialization: &[(u32, u32)]) -> Result<Reflected> {
-    let PassDeclaration { name, spirv, .. } = *declaration;
-    let fault = |problem: String| Error::Internal(format!("shader {name}: {problem}"));
+/// Fails if the SPIR-V cannot be read, or binds something of a kind that nothing here uses.
+pub fn bindings(spirv: &[u32]) -> Result<Vec<Binding>> {
+    let found = parse(spirv).and_then(|instructions| Shader::new(&instructions).bindings());
+    found.map_err(|problem| Error::Internal(format!("a shader: {problem}")))
+}
+
+/// Reads SPIR-V.
+pub(super) fn parse(spirv: &[u32]) -> Checked<Vec<Instruction>> {
     let mut module = Instructions::default();
-    parse_words(spirv, &mut module).map_err(|error| fault(format!("its SPIR-V cannot be read: {error}")))?;
-    let shader = Shader::new(&module.0);
-    let slots = check_bindings(declaration, &shader).map_err(fault)?;
-    check_push(declaration, &shader).map_err(fault)?;
-    check_structs(declaration, &shader).map_err(fault)?;
-    for &(id, _) in specialization {
-        if !shader.decorations.values().flatten().any(|d| *d == (Decoration::SpecId, id)) {
-            return Err(fault(format!("it has no specialization constant {id}")));
-        }
-    }
-    let local_size = shader.local_size(specialization).ok_or_else(|| fault("its local size is unknown".into()))?;
-    Ok(Reflected { local_size, slots })
-}
-
-/// Whether a shader has a specialization constant.
-pub(super) fn has_constant(declaration: &PassDeclaration, id: u32) -> Result<bool> {
-    let mut module = Instructions::default();
-    parse_words(declaration.spirv, &mut module)
-        .map_err(|error| Error::Internal(format!("shader {}: its SPIR-V cannot be read: {error}", declaration.name)))?;
-    let shader = Shader::new(&module.0);
-    Ok(shader.decorations.values().flatten().any(|d| *d == (Decoration::SpecId, id)))
-}
-
-fn check_bindings(declaration: &PassDeclaration, shader: &Shader<'_>) -> Checked<Vec<Slot>> {
-    let mut slots: Vec<Slot> = Vec::new();
-    for variable in shader.resources() {
-        let name = shader.names.get(&variable.id).copied().unwrap_or("");
-        let binding = shader.decoration(variable.id, None, Decoration::Binding).unwrap_or(0);
-        if name.is_empty() {
-            return Err(format!("binding {binding} has no instance name"));
-        }
-        if let Some(set @ 1..) = shader.decoration(variable.id, None, Decoration::DescriptorSet) {
-            return Err(format!("binding {name} is in set {set}, not 0"));
-        }
-        let Some(&(name, access)) = declaration.bindings.iter().find(|(declared, _)| *declared == name) else {
-            return Err(format!("binding {name} is used and not declared"));
-        };
-        let (kind, shader_access) = shader.kind(name, variable)?;
-        if access != shader_access {
-            return Err(format!("binding {name} is declared as {access:?} and GLSL says {shader_access:?}"));
-        }
-        if let Some(Slot { name: other, .. }) = slots.iter().find(|slot| slot.binding == binding) {
-            return Err(format!("{name} and {other} share binding {binding}"));
-        }
-        slots.push(Slot { name, binding, access, kind });
-    }
-    for (i, (name, _)) in declaration.bindings.iter().enumerate() {
-        if !slots.iter().any(|slot| slot.name == *name) {
-            return Err(format!("binding {name} is declared and the shader does not use it"));
-        }
-        if declaration.bindings[..i].iter().any(|(earlier, _)| earlier == name) {
-            return Err(format!("binding {name} is declared twice"));
-        }
-    }
-    Ok(slots)
-}
-
-fn check_push(declaration: &PassDeclaration, shader: &Shader<'_>) -> Checked<()> {
-    let block = shader.variables.iter().find(|v| v.class == StorageClass::PushConstant);
-    match (block, &declaration.push) {
-        (None, None) => Ok(()),
-        (Some(_), None) => Err("its push constants are not declared".into()),
-        (None, Some(_)) => Err("push constants are declared and the shader does not use them".into()),
-        (Some(block), Some(push)) => {
-            if push.size > 128 {
-                return Err(format!("push constants take {} bytes and Vulkan promises 128", push.size));
-            }
-            shader.check_fields("push constants", block.ty, push.size, push.fields)
-        }
-    }
-}
-
-fn check_structs(declaration: &PassDeclaration, shader: &Shader<'_>) -> Checked<()> {
-    for &(name, size, fields) in declaration.structs {
-        let mut found = false;
-        for variable in shader.resources() {
-            shader.visit_structs(variable.ty, None, &mut |block, stride| {
-                if shader.names.get(&block) != Some(&name) {
-                    return Ok(());
-                }
-                found = true;
-                if let Some(stride) = stride
-                    && stride != size
-                {
-                    return Err(format!("struct {name}: its array stride is {stride} in GLSL and {size} in Rust"));
-                }
-                shader.check_fields(&format!("struct {name}"), block, size, fields)
-            })?;
-        }
-        if !found {
-            return Err(format!("struct {name} is declared and no used buffer holds it"));
-        }
-    }
-    Ok(())
+    parse_words(spirv, &mut module).map_err(|error| format!("its SPIR-V cannot be read: {error}"))?;
+    Ok(module.0)
 }
 
 /// The instructions of a module, as they come: rspirv's own loader stumbles over `OpExecutionModeId`.
@@ -190,7 +108,7 @@ struct Variable {
 type Decorated = (u32, Option<u32>);
 
 /// A SPIR-V module, indexed by what is asked of it.
-struct Shader<'a> {
+pub(super) struct Shader<'a> {
     globals: HashMap<u32, &'a Instruction>,
     names: HashMap<u32, &'a str>,
     member_names: HashMap<(u32, u32), &'a str>,
@@ -212,7 +130,7 @@ fn number(operand: Option<&Operand>) -> Option<u32> {
 }
 
 impl<'a> Shader<'a> {
-    fn new(instructions: &'a [Instruction]) -> Self {
+    pub(super) fn new(instructions: &'a [Instruction]) -> Self {
         let body = instructions.iter().position(|i| i.class.opcode == Op::Function).unwrap_or(instructions.len());
         let (global, functions) = instructions.split_at(body);
         let touched: HashSet<u32> =
@@ -265,6 +183,79 @@ impl<'a> Shader<'a> {
             }
             _ => {}
         }
+    }
+
+    /// What it binds. Names and numbers are unique.
+    pub(super) fn bindings(&self) -> Checked<Vec<Binding>> {
+        let mut all: Vec<Binding> = Vec::new();
+        for variable in self.resources() {
+            let number = self.decoration(variable.id, None, Decoration::Binding).unwrap_or(0);
+            let name = self.names.get(&variable.id).copied().unwrap_or("");
+            if name.is_empty() {
+                return Err(format!("binding {number} has no instance name"));
+            }
+            if let Some(set @ 1..) = self.decoration(variable.id, None, Decoration::DescriptorSet) {
+                return Err(format!("binding {name} is in set {set}, not 0"));
+            }
+            if let Some(other) = all.iter().find(|other| other.number == number) {
+                return Err(format!("{name} and {} share binding {number}", other.name));
+            }
+            let (kind, access) = self.kind(name, variable)?;
+            all.push(Binding { name: name.to_owned(), number, access, kind });
+        }
+        Ok(all)
+    }
+
+    /// Compares push constants and the structs in buffers with what Rust has.
+    pub(super) fn check(&self, declaration: &PassDeclaration) -> Checked<()> {
+        let block = self.variables.iter().find(|v| v.class == StorageClass::PushConstant);
+        match (block, &declaration.push) {
+            (None, None) => {}
+            (Some(_), None) => return Err("its push constants are not declared".into()),
+            (None, Some(_)) => return Err("push constants are declared and the shader does not use them".into()),
+            (Some(block), Some(push)) => {
+                if push.size > 128 {
+                    return Err(format!("push constants take {} bytes and Vulkan promises 128", push.size));
+                }
+                self.check_fields("push constants", block.ty, push.size, push.fields)?;
+            }
+        }
+        for variable in self.resources() {
+            self.visit_structs(variable.ty, None, &mut |block, stride| {
+                let name = self.names.get(&block).copied().unwrap_or("without a name");
+                let Some(&(_, size, fields)) = declaration.structs.iter().find(|(known, ..)| *known == name) else {
+                    // a block is described by its members; other structs have a twin in Rust
+                    let is_block = block == variable.ty;
+                    return if is_block {
+                        Ok(())
+                    } else {
+                        Err(format!("Rust knows no struct {name} that is in a buffer"))
+                    };
+                };
+                if let Some(stride) = stride
+                    && stride != size
+                {
+                    return Err(format!("struct {name}: its array stride is {stride} in GLSL and {size} in Rust"));
+                }
+                self.check_fields(&format!("struct {name}"), block, size, fields)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The id of a specialization constant.
+    pub(super) fn constant(&self, name: &str) -> Option<u32> {
+        let mut named = self.names.iter().filter(|(_, known)| **known == name);
+        named.find_map(|(id, _)| self.decoration(*id, None, Decoration::SpecId))
+    }
+
+    /// Values of specialization constants by id.
+    pub(super) fn specialization(&self, constants: &[Constant]) -> Checked<Vec<(u32, u32)>> {
+        let value = |&(name, value): &Constant| {
+            let id = self.constant(name).ok_or_else(|| format!("it has no specialization constant {name}"))?;
+            Ok((id, value))
+        };
+        constants.iter().map(value).collect()
     }
 
     /// Variables bound by descriptors.
@@ -421,7 +412,8 @@ impl<'a> Shader<'a> {
         }
     }
 
-    fn local_size(&self, specialization: &[(u32, u32)]) -> Option<[u32; 3]> {
+    /// Threads of a workgroup along each axis.
+    pub(super) fn local_size(&self, specialization: &[(u32, u32)]) -> Option<[u32; 3]> {
         let mut threads = [0; 3];
         for (threads, operand) in threads.iter_mut().zip(self.local_size?) {
             let constant = id(Some(operand));

@@ -10,22 +10,6 @@ use crate::{
 use serde::Serialize;
 use std::{collections::BTreeMap, fmt::Write};
 
-/// Pass names in frame order.
-pub const PASSES: [&str; 12] = [
-    "radiance_pyramid",
-    "normals",
-    "depth_pyramid",
-    "light_table",
-    "relight",
-    "gbuffer",
-    "sampling_mask",
-    "irradiance",
-    "interpolate",
-    "temporal",
-    "atrous",
-    "composite",
-];
-
 /// The times of one pass over the measured frames that dispatched it. The dispatches of a frame are summed.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassTime {
@@ -120,8 +104,7 @@ pub fn run(
     })?;
     let gpu = renderer.gpu();
     let options = renderer.options();
-    let plan = renderer.plan().passes();
-    let passes = PASSES.iter().map(|name| pass_time(name, &samples, &plan, renderer)).collect();
+    let passes = renderer.plan().passes().iter().map(|pass| pass_time(pass, &samples, renderer)).collect();
     let mut gpu_ms: Vec<f64> = samples.iter().map(|s| s.timings.gpu_ms).collect();
     let mut wall_ms: Vec<f64> = samples.iter().map(|s| s.wall_ms).collect();
     let share = |s: &Sample| s.timings.entries.iter().map(|(_, ms)| ms).sum::<f64>() / s.timings.gpu_ms.max(1e-9);
@@ -148,7 +131,8 @@ pub fn run(
     })
 }
 
-fn pass_time(name: &str, samples: &[Sample], plan: &[PassPlan], renderer: &Renderer) -> PassTime {
+fn pass_time(pass: &PassPlan, samples: &[Sample], renderer: &Renderer) -> PassTime {
+    let name = pass.name;
     let total = |timings: &Timings| -> Option<f64> {
         let mut times = timings.entries.iter().filter(|(n, _)| n == name).map(|(_, ms)| *ms).peekable();
         times.peek()?;
@@ -158,11 +142,7 @@ fn pass_time(name: &str, samples: &[Sample], plan: &[PassPlan], renderer: &Rende
     if times.is_empty() {
         let off = match total(renderer.prepared()) {
             Some(ms) => format!("the video frame did not change; done once before, {ms:.1} ms"),
-            None => {
-                let pass = plan.iter().find(|pass| pass.name == name);
-                pass.and_then(|pass| pass.off.clone())
-                    .unwrap_or_else(|| "not dispatched in the frames measured".to_owned())
-            }
+            None => pass.off.clone().unwrap_or_else(|| "not dispatched in the frames measured".to_owned()),
         };
         return PassTime {
             name: name.to_owned(),

@@ -1,15 +1,18 @@
 //! The clock: renders frames and takes their times. All that is timed goes through [`frames`].
 
-use super::{bench::PASSES, score::Scores};
-use crate::{Result, gpu::Timings, renderer::Renderer, scene::Scene};
+use super::score::Scores;
+use crate::{
+    Result,
+    gpu::Timings,
+    passes::{Every, PASSES},
+    renderer::Renderer,
+    scene::Scene,
+};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, time::Instant};
 
 /// The number of frames of a new renderer whose times do not count: shaders are compiled, and the history is short.
 pub const WARM_UP: u32 = 5;
-
-/// Passes that run once a video frame.
-const PREPARE: [&str; 4] = [PASSES[0], PASSES[1], PASSES[2], PASSES[3]];
 
 /// A frame that has finished.
 #[derive(Clone, Debug)]
@@ -80,7 +83,8 @@ impl FrameClock {
             sample.timings.entries.iter().for_each(|(name, ms)| *sums.entry(name).or_default() += ms);
             sums.into_iter().for_each(|(name, ms)| passes.entry(name.to_owned()).or_default().push(ms));
         }
-        let prepared = renderer.prepared().entries.iter().filter(|(name, _)| PREPARE.contains(&name.as_str()));
+        let once = |name: &str| PASSES.iter().any(|pass| pass.name == name && pass.every == Every::VideoFrame);
+        let prepared = renderer.prepared().entries.iter().filter(|(name, _)| once(name));
         Round {
             frame_ms: self.timed.iter().map(|sample| sample.timings.gpu_ms).collect(),
             wall_ms: self.timed.iter().map(|sample| sample.wall_ms).collect(),

@@ -3,7 +3,7 @@
 use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
 use crate::{
     Result,
-    gpu::{Access, Bind, Frame, Gpu, Image, Threads},
+    gpu::{Bind, Frame, Gpu, Image, Threads},
     gpu_struct,
     plan::{Part, Plan},
     settings::{FilterOrder, Settings},
@@ -21,29 +21,8 @@ pub struct Atrous(Kernel);
 impl Atrous {
     /// Builds the pipeline.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        use Access::{Read, Write};
-        const BINDINGS: &[(&str, Access)] = &[
-            ("in_view", Read),
-            ("in_position", Read),
-            ("in_normal", Read),
-            ("in_motion", Read),
-            ("in_mask", Read),
-            ("in_tiles", Read),
-            ("in_arguments", Read),
-            ("in_a", Read),
-            ("in_b", Read),
-            ("in_moments", Read),
-            ("out_a", Write),
-            ("out_b", Write),
-        ];
-        Ok(Self(Kernel::new::<AtrousPush>(
-            gpu,
-            "atrous",
-            shaders::ATROUS,
-            BINDINGS,
-            &[],
-            &[plan.constant(Part::Specular)],
-        )?))
+        let constants = [plan.constant(Part::Specular)];
+        Ok(Self(Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, &constants)?))
     }
 
     /// Records the levels, from the accumulated a and b, or from this frame's irradiance, into what [`Atrous::result`] names.

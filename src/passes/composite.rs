@@ -3,7 +3,7 @@
 use super::{resources::Kernel, view::View};
 use crate::{
     Result,
-    gpu::{Access, Bind, Frame, Gpu, Image, Threads},
+    gpu::{Bind, Frame, Gpu, Image, Threads},
     plan::{Part, Plan},
     shaders,
 };
@@ -14,26 +14,12 @@ pub struct Composite(Kernel);
 impl Composite {
     /// Builds the pipeline.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        use Access::{Read, Write};
-        const BINDINGS: &[(&str, Access)] = &[
-            ("in_view", Read),
-            ("in_camera_radiance", Read),
-            ("in_albedo_virtual", Read),
-            ("in_emission", Read),
-            ("in_real_coverage", Read),
-            ("in_mask", Read),
-            ("in_a", Read),
-            ("in_b", Read),
-            ("out_radiance", Write),
-        ];
         Ok(Self(Kernel::new::<()>(
             gpu,
             "composite",
             shaders::COMPOSITE,
-            BINDINGS,
-            &[],
             &[
-                (6, plan.settings.relighting as u32),
+                ("RELIGHTING", plan.settings.relighting as u32),
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Emission),

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Access, Frame, Gpu, Threads},
+    gpu::{Frame, Gpu, Threads},
     gpu_struct, shaders,
 };
 
@@ -21,13 +21,7 @@ pub struct DepthPyramid(Kernel);
 impl DepthPyramid {
     /// Builds the pipeline.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        const BINDINGS: &[(&str, Access)] = &[
-            ("in_view", Access::Read),
-            ("in_depth", Access::Read),
-            ("in_angles", Access::Read),
-            ("pyramid", Access::ReadWrite),
-        ];
-        Ok(Self(Kernel::new::<DepthPyramidPush>(gpu, "depth_pyramid", shaders::DEPTH_PYRAMID, BINDINGS, &[], &[])?))
+        Ok(Self(Kernel::new::<DepthPyramidPush>(gpu, "depth_pyramid", shaders::DEPTH_PYRAMID, &[])?))
     }
 
     /// Records all levels, finest first.

@@ -3,7 +3,7 @@
 use super::resources::{Kernel, Resources};
 use crate::{
     Result,
-    gpu::{Access, Bind, Format, Frame, Gpu, Image, Threads},
+    gpu::{Bind, Format, Frame, Gpu, Image, Threads},
     gpu_struct, shaders,
 };
 
@@ -137,12 +137,9 @@ pub struct Display {
 impl Display {
     /// Builds the pipeline.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        use Access::{Read, Write};
-        const BINDINGS: &[(&str, Access)] =
-            &[("in_image", Read), ("in_other", Read), ("in_codes", Read), ("out_picture", Write), ("in_marked", Read)];
         let nothing = |format| gpu.image("nothing shown", [1, 1], 1, 1, format);
         Ok(Self {
-            kernel: Kernel::new::<Push>(gpu, "display", shaders::DISPLAY, BINDINGS, &[], &[])?,
+            kernel: Kernel::new::<Push>(gpu, "display", shaders::DISPLAY, &[])?,
             nothing: [nothing(Format::Rgba32f)?, nothing(Format::Rgba32u)?],
         })
     }

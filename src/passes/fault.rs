@@ -2,7 +2,7 @@
 
 use crate::gpu::Gpu;
 
-/// One thing done wrong on purpose. The value is what the shaders' constant 8 is set to; those from 100 on are the host's.
+/// One thing done wrong on purpose. The value is what the shaders' constant `FAULT` is set to; those from 100 on are the host's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Fault {
     /// As shipped.
@@ -58,6 +58,6 @@ impl Fault {
             Self::FilterBlind => &["interpolate", "atrous"],
             Self::LastTileLost => &["composite"],
         };
-        gpu.with_constant((8, self as u32), passes)
+        gpu.with_constant(("FAULT", self as u32), passes)
     }
 }

@@ -3,7 +3,7 @@
 use super::{resources::Kernel, view::View};
 use crate::{
     Result,
-    gpu::{Access, Frame, Gpu, Threads},
+    gpu::{Frame, Gpu, Threads},
     gpu_struct,
     plan::{Part, Plan},
     settings::{MaskBy, Settings},
@@ -24,20 +24,8 @@ pub struct Interpolate(Kernel);
 impl Interpolate {
     /// Builds the pipeline.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        use Access::{Read, ReadWrite};
-        const BINDINGS: &[(&str, Access)] = &[
-            ("in_view", Read),
-            ("in_position", Read),
-            ("in_normal", Read),
-            ("in_motion", Read),
-            ("in_mask", Read),
-            ("in_tiles", Read),
-            ("in_arguments", Read),
-            ("irradiance_a", ReadWrite),
-            ("irradiance_b", ReadWrite),
-        ];
         let constants = [plan.constant(Part::Specular)];
-        Ok(Self(Kernel::new::<InterpolatePush>(gpu, "interpolate", shaders::INTERPOLATE, BINDINGS, &[], &constants)?))
+        Ok(Self(Kernel::new::<InterpolatePush>(gpu, "interpolate", shaders::INTERPOLATE, &constants)?))
     }
 
     /// Records the dispatch. The radius reaches traced pixels at every rate.

@@ -1,14 +1,13 @@
 //! Pass 3, `irradiance`: one path per traced surface, first the real ones, then the virtual ones that see them relit.
 
 use super::{
-    gbuffer::SCENE_STRUCTS,
     resources::{Kernel, Resource, Resources},
     scene::SceneBuffers,
     view::{Role, View},
 };
 use crate::{
     Result,
-    gpu::{Access, Frame, Gpu, Image, Threads},
+    gpu::{Frame, Gpu, Image, Threads},
     gpu_struct,
     plan::{Part, Plan},
     settings::VirtualTracer,
@@ -46,31 +45,20 @@ impl Irradiance {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let settings = &plan.settings;
-        use Access::{Read, Write};
-        macro_rules! bindings {
-            ($($extra:expr),*) => { &[
-                ("in_view", Read), ("in_panorama_radiance", Read), ("in_depth", Read), ("in_angles", Read), ("in_pyramid", Read),
-                ("in_triangles", Read), ("in_shading", Read), ("in_vertices", Read), ("in_nodes", Read), ("in_instances", Read),
-                ("in_top_nodes", Read), ("in_materials", Read), ("in_textures", Read), ("in_texels", Read), ("in_energy", Read),
-                ("in_relight_real", Read), ("in_relight_change", Read), ("in_lights", Read), ("in_position", Read), ("in_normal", Read), ("in_hit", Read),
-                ("in_list", Read), ("in_arguments", Read), ("out_irradiance_a", Write), ("out_irradiance_b", Write), $($extra),*
-            ] };
-        }
-        const BINDINGS: &[(&str, Access)] = bindings!();
         let kernel = |layer: u32, virtual_tracer: VirtualTracer| {
             let constants = [
-                (1, layer),
-                (4, settings.real_tracer as u32),
-                (5, virtual_tracer as u32),
-                (6, settings.relighting as u32),
-                (7, settings.directions as u32),
+                ("LAYER", layer),
+                plan.constant(Part::RealTracer),
+                ("VIRTUAL_TRACER", virtual_tracer as u32),
+                ("RELIGHTING", settings.relighting as u32),
+                plan.constant(Part::LightTable),
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Emission),
                 plan.constant(Part::Textures),
                 plan.constant(Part::Bounces),
             ];
-            Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, BINDINGS, SCENE_STRUCTS, &constants)
+            Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)
         };
         let (real, other) = rayon::join(
             || kernel(0, settings.virtual_tracer),

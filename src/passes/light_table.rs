@@ -6,8 +6,9 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Access, Frame, Gpu, Threads},
+    gpu::{Frame, Gpu, Threads},
     panorama::light::CELLS,
+    plan::Part,
     settings::Settings,
     shaders,
 };
@@ -24,18 +25,13 @@ pub struct LightTable {
 impl LightTable {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
-        const WRITE: &[(&str, Access)] =
-            &[("in_view", Access::Read), ("in_panorama_radiance", Access::Read), ("lights", Access::ReadWrite)];
-        const SUMS: &[(&str, Access)] = &[("lights", Access::ReadWrite)];
         Ok(Self {
-            cells: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_CELLS, WRITE, &[], &[])?,
+            cells: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_CELLS, &[])?,
             sums: Kernel::new::<()>(
                 gpu,
                 "light_table",
                 shaders::LIGHT_TABLE,
-                SUMS,
-                &[],
-                &[(7, settings.directions as u32)],
+                &[Part::LightTable.constant(settings.directions as u32)],
             )?,
         })
     }

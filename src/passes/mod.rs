@@ -1,9 +1,7 @@
-//! The passes: one file each, under the name that shader, timing and documents use.
+//! The passes: one file each, under the name that shader, timing and documents use, and one table of those of a frame, [`PASSES`].
 //!
-//! Per new video frame: [`radiance_pyramid`], [`normals`], [`depth_pyramid`], [`light_table`]. Per frame: [`gbuffer`], [`sampling_mask`],
-//! [`irradiance`], [`interpolate`], [`temporal`], [`atrous`], [`composite`]. Each runs on a [`view::View`]: the picture, or the relit
-//! panorama's map, which is a picture too. Outside of frames: [`trace_rays`], and
-//! for the window [`display`] and [`unknown`].
+//! Each runs on a [`view::View`]: the picture, or the relit panorama's map, which is a picture too. Outside of frames:
+//! [`trace_rays`], and for the window [`display`] and [`unknown`].
 
 pub mod atrous;
 pub mod brdf;
@@ -26,3 +24,164 @@ pub mod temporal;
 pub mod trace_rays;
 pub mod unknown;
 pub mod view;
+
+use crate::{
+    plan::{Part, Plan},
+    shaders,
+};
+
+/// How often a pass runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Every {
+    /// Once for each new frame of the panorama's video.
+    VideoFrame,
+    /// In each frame.
+    Frame,
+}
+
+/// What is fixed about a pass.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// Its name in timings, labels and documents.
+    pub name: &'static str,
+    /// What it makes.
+    pub what: &'static str,
+    /// How often it runs.
+    pub every: Every,
+    /// The stem and the SPIR-V of each shader that it dispatches.
+    pub shaders: &'static [(&'static str, &'static [u32])],
+    /// Dispatches in a frame that shows a new video frame.
+    pub dispatches: fn(&Plan) -> u32,
+    /// The parts of the plan without all of which it is off.
+    pub without: &'static [Part],
+    /// Its colour in charts and in the window.
+    pub color: &'static str,
+}
+
+/// The passes of a frame, in its order. `relight` stands for the passes after it, on the relit panorama's maps.
+pub const PASSES: &[Row] = &[
+    Row {
+        name: "radiance_pyramid",
+        what: "mip levels of the panorama's radiance, where the picture is coarser than it",
+        every: Every::VideoFrame,
+        shaders: &[("radiance_pyramid", shaders::RADIANCE_PYRAMID)],
+        dispatches: |plan| plan.color_levels() - 1,
+        without: &[Part::RadiancePyramid],
+        color: "#8c8c8c",
+    },
+    Row {
+        name: "normals",
+        what: "plane fits through the depth, which moves off its codes' steps",
+        every: Every::VideoFrame,
+        shaders: &[("plane_fit", shaders::PLANE_FIT), ("normals", shaders::NORMALS)],
+        dispatches: |plan| 2 * u32::from(plan.geometry()),
+        without: &[Part::Objects, Part::OffCentre],
+        color: "#a6761d",
+    },
+    Row {
+        name: "depth_pyramid",
+        what: "the boxes that rays through the panorama walk",
+        every: Every::VideoFrame,
+        shaders: &[("depth_pyramid", shaders::DEPTH_PYRAMID)],
+        dispatches: |plan| {
+            panorama::PyramidShape::new(plan.facts.depth_size).levels.len() as u32 * u32::from(plan.boxes())
+        },
+        without: &[Part::RealTracer, Part::OffCentre],
+        color: "#666a1f",
+    },
+    Row {
+        name: "light_table",
+        what: "the panorama's lamps and windows as something to draw directions from",
+        every: Every::VideoFrame,
+        shaders: &[("light_cells", shaders::LIGHT_CELLS), ("light_table", shaders::LIGHT_TABLE)],
+        dispatches: |plan| 2 * u32::from(plan.on(Part::LightTable)),
+        without: &[Part::LightTable],
+        color: "#e6ab02",
+    },
+    Row {
+        name: "relight",
+        what: "the passes below on the relit panorama's maps, once a level",
+        every: Every::Frame,
+        shaders: &[],
+        dispatches: |plan| {
+            let filters = u32::from(plan.on(Part::Interpolate)) + u32::from(plan.on(Part::Temporal)) + levels(plan);
+            plan.settings.relight_levels * u32::from(plan.on(Part::Relight)) * (3 + filters)
+        },
+        without: &[Part::Relight],
+        color: "#d95f02",
+    },
+    Row {
+        name: "gbuffer",
+        what: "primary visibility of panorama and objects, then the fraction M at silhouettes",
+        every: Every::Frame,
+        shaders: &[("gbuffer", shaders::GBUFFER), ("coverage", shaders::COVERAGE)],
+        dispatches: |plan| 1 + u32::from(plan.on(Part::VirtualSurfaces)),
+        without: &[],
+        color: "#7570b3",
+    },
+    Row {
+        name: "sampling_mask",
+        what: "which pixels trace this frame, compacted",
+        every: Every::Frame,
+        shaders: &[("sampling_mask", shaders::SAMPLING_MASK)],
+        dispatches: |plan| u32::from(plan.on(Part::Objects)),
+        without: &[Part::Objects],
+        color: "#1b9e77",
+    },
+    Row {
+        name: "irradiance",
+        what: "one path for each traced surface: first the real ones, then the virtual ones, which see them relit",
+        every: Every::Frame,
+        shaders: &[("irradiance", shaders::IRRADIANCE)],
+        dispatches: |plan| u32::from(plan.on(Part::Objects)) + u32::from(plan.on(Part::VirtualSurfaces)),
+        without: &[Part::Objects],
+        color: "#e7298a",
+    },
+    Row {
+        name: "interpolate",
+        what: "pixels that were not traced, from traced neighbours",
+        every: Every::Frame,
+        shaders: &[("interpolate", shaders::INTERPOLATE)],
+        dispatches: |plan| u32::from(plan.on(Part::Interpolate)),
+        without: &[Part::Interpolate],
+        color: "#66a61e",
+    },
+    Row {
+        name: "temporal",
+        what: "accumulation along motion vectors",
+        every: Every::Frame,
+        shaders: &[("temporal", shaders::TEMPORAL)],
+        dispatches: |plan| u32::from(plan.on(Part::Temporal)),
+        without: &[Part::Temporal],
+        color: "#1f78b4",
+    },
+    Row {
+        name: "atrous",
+        what: "the edge-avoiding filter, a dispatch a level",
+        every: Every::Frame,
+        shaders: &[("atrous", shaders::ATROUS)],
+        dispatches: levels,
+        without: &[Part::Atrous],
+        color: "#b2182b",
+    },
+    Row {
+        name: "composite",
+        what: "the picture: real surfaces relit, and virtual ones over them",
+        every: Every::Frame,
+        shaders: &[("composite", shaders::COMPOSITE)],
+        dispatches: |_| 1,
+        without: &[],
+        color: "#525252",
+    },
+];
+
+/// The table as text: each pass with what it makes.
+pub fn help() -> String {
+    let rows = PASSES.iter().map(|row| format!("\n  {:<18}{}", row.name, row.what));
+    format!("Passes, in the order of the frame:{}", rows.collect::<String>())
+}
+
+/// Levels of atrous, each a dispatch.
+fn levels(plan: &Plan) -> u32 {
+    plan.settings.atrous_levels * u32::from(plan.on(Part::Atrous))
+}

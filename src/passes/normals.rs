@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Access, Bind, Frame, Gpu, Threads},
+    gpu::{Bind, Frame, Gpu, Threads},
     gpu_struct,
     panorama::depth::Quantisation,
     shaders,
@@ -33,20 +33,9 @@ pub struct Normals {
 impl Normals {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        use Access::{Read, Write};
-        const FIT: &[(&str, Access)] =
-            &[("in_view", Read), ("in_depth", Read), ("in_angles", Read), ("out_plane", Write)];
-        const SELECT: &[(&str, Access)] = &[
-            ("in_view", Read),
-            ("in_depth", Read),
-            ("in_angles", Read),
-            ("in_plane", Read),
-            ("out_panorama_normal", Write),
-            ("out_depth", Write),
-        ];
         Ok(Self {
-            plane_fit: Kernel::new::<NormalsPush>(gpu, "normals", shaders::PLANE_FIT, FIT, &[], &[])?,
-            select: Kernel::new::<NormalsPush>(gpu, "normals", shaders::NORMALS, SELECT, &[], &[])?,
+            plane_fit: Kernel::new::<NormalsPush>(gpu, "normals", shaders::PLANE_FIT, &[])?,
+            select: Kernel::new::<NormalsPush>(gpu, "normals", shaders::NORMALS, &[])?,
         })
     }
 

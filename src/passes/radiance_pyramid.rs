@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Access, Frame, Gpu, Threads},
+    gpu::{Frame, Gpu, Threads},
     shaders,
 };
 
@@ -16,8 +16,7 @@ pub struct RadiancePyramid(Kernel);
 impl RadiancePyramid {
     /// Builds the pipeline.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        const BINDINGS: &[(&str, Access)] = &[("in_level", Access::Read), ("out_level", Access::Write)];
-        Ok(Self(Kernel::new::<()>(gpu, "radiance_pyramid", shaders::RADIANCE_PYRAMID, BINDINGS, &[], &[])?))
+        Ok(Self(Kernel::new::<()>(gpu, "radiance_pyramid", shaders::RADIANCE_PYRAMID, &[])?))
     }
 
     /// Records all levels.

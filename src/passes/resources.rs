@@ -3,11 +3,14 @@
 use crate::{
     Error, Result,
     gpu::{
-        Access, Bind, Buffer, Format, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout, StructLayout,
-        Threads,
+        Bind, Buffer, Constant, Format, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout, StructLayout,
+        Threads, struct_layout,
     },
     plan::Part,
+    scene::packed,
 };
+
+use super::{trace_rays, view::ViewData};
 
 /// What a name stands for.
 #[derive(Clone)]
@@ -77,25 +80,36 @@ impl Resources {
     }
 }
 
-/// A pass with its declaration, dispatched by names.
-pub struct Kernel {
-    pass: Pass,
-    declaration: PassDeclaration,
-}
+/// Every struct that a buffer of some shader holds, by GLSL name. Whatever pass uses one, its layout is checked.
+pub const STRUCTS: &[StructLayout] = &[
+    struct_layout::<ViewData>("View"),
+    struct_layout::<packed::TriangleGeometry>("TriangleGeometry"),
+    struct_layout::<packed::TriangleShading>("TriangleShading"),
+    struct_layout::<packed::Vertex>("Vertex"),
+    struct_layout::<packed::BvhNode>("BvhNode"),
+    struct_layout::<packed::Instance>("Instance"),
+    struct_layout::<packed::PackedMaterial>("Material"),
+    struct_layout::<packed::PackedTexture>("Texture"),
+    struct_layout::<packed::Light>("Light"),
+    struct_layout::<packed::Punctual>("Punctual"),
+    struct_layout::<trace_rays::TracedRay>("TracedRay"),
+    struct_layout::<trace_rays::RayAnswer>("RayAnswer"),
+];
+
+/// A pass that finds what it binds by name.
+pub struct Kernel(Pass);
 
 impl Kernel {
-    /// Declares and builds a pass: bindings by GLSL name with their access, `P` its push constants.
+    /// Builds a pass that has push constants `P`.
     pub fn new<P: GpuStruct>(
         gpu: &Gpu,
         name: &'static str,
         spirv: &'static [u32],
-        bindings: &'static [(&'static str, Access)],
-        structs: &'static [StructLayout],
-        specialization: &[(u32, u32)],
+        constants: &[Constant],
     ) -> Result<Self> {
         let push = (size_of::<P>() > 0).then(PushLayout::of::<P>);
-        let declaration = PassDeclaration { name, spirv, bindings, push, structs };
-        Ok(Self { pass: gpu.pass(&declaration, specialization)?, declaration })
+        let declaration = PassDeclaration { name, spirv, push, structs: STRUCTS };
+        Ok(Self(gpu.pass(&declaration, constants)?))
     }
 
     /// Records one dispatch; `special` goes before the pools, which are searched in order.
@@ -107,14 +121,12 @@ impl Kernel {
         push: &P,
         threads: Threads,
     ) -> Result<()> {
-        let mut bound = Vec::with_capacity(self.declaration.bindings.len());
-        for (name, _) in self.declaration.bindings {
-            let bind = special.iter().find(|(n, _)| n == name).map(|(_, bind)| bind.clone());
-            let bind = bind.or_else(|| pools.iter().find_map(|pool| pool.find(name)));
-            let bind =
-                bind.ok_or_else(|| Error::Internal(format!("{}: nothing is called {name}", self.declaration.name)))?;
-            bound.push((*name, bind));
-        }
-        frame.dispatch(&self.pass, &bound, push, threads)
+        let find = |name: &str| {
+            let bind = special.iter().find(|(n, _)| *n == name).map(|(_, bind)| bind.clone());
+            bind.or_else(|| pools.iter().find_map(|pool| pool.find(name)))
+                .ok_or_else(|| Error::Internal(format!("{}: nothing is called {name}", self.0.name())))
+        };
+        let bound = self.0.bindings().iter().map(|binding| Ok((binding.name.as_str(), find(&binding.name)?)));
+        frame.dispatch(&self.0, &bound.collect::<Result<Vec<_>>>()?, push, threads)
     }
 }

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Access, Frame, Gpu, Threads},
+    gpu::{Frame, Gpu, Threads},
     gpu_struct,
     plan::{Part, Plan},
     settings::{MaskBy, Settings},
@@ -33,34 +33,9 @@ pub struct SamplingMask(Kernel);
 impl SamplingMask {
     /// Builds the pipeline for a view.
     pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
-        use Access::{Read, ReadWrite, Write};
-        const BINDINGS: &[(&str, Access)] = &[
-            ("in_view", Read),
-            ("in_position", Read),
-            ("in_normal", Read),
-            ("in_motion", Read),
-            ("in_real_coverage", Read),
-            ("history_position", Read),
-            ("history_normal", Read),
-            ("history_motion", Read),
-            ("history_moments", Read),
-            ("out_mask", Write),
-            ("out_list", Write),
-            ("out_tiles", Write),
-            ("out_arguments", ReadWrite),
-            ("out_irradiance_a", Write),
-            ("out_irradiance_b", Write),
-        ];
-        let (id, on) = plan.constant(Part::VirtualSurfaces);
-        let constants = [(id, if role == Role::Picture { on } else { 0 }), plan.constant(Part::Specular)];
-        Ok(Self(Kernel::new::<SamplingMaskPush>(
-            gpu,
-            "sampling_mask",
-            shaders::SAMPLING_MASK,
-            BINDINGS,
-            &[],
-            &constants,
-        )?))
+        let in_view = role == Role::Picture && plan.on(Part::VirtualSurfaces);
+        let constants = [Part::VirtualSurfaces.constant(u32::from(in_view)), plan.constant(Part::Specular)];
+        Ok(Self(Kernel::new::<SamplingMaskPush>(gpu, "sampling_mask", shaders::SAMPLING_MASK, &constants)?))
     }
 
     /// Records the clearing of the lists and the dispatch.

@@ -3,7 +3,7 @@
 use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
 use crate::{
     Error, Result,
-    gpu::{Access, Bind, Frame, Gpu, Image, Threads},
+    gpu::{Bind, Frame, Gpu, Image, Threads},
     gpu_struct,
     plan::{Part, Plan},
     settings::ClampWhen,
@@ -33,29 +33,9 @@ pub struct Temporal {
 impl Temporal {
     /// Builds the pipelines, without and with clamping, where either can be asked for.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        use Access::{Read, Write};
-        const BINDINGS: &[(&str, Access)] = &[
-            ("in_view", Read),
-            ("in_normal", Read),
-            ("in_motion", Read),
-            ("in_mask", Read),
-            ("in_tiles", Read),
-            ("in_arguments", Read),
-            ("in_irradiance_a", Read),
-            ("in_irradiance_b", Read),
-            ("history_position", Read),
-            ("history_normal", Read),
-            ("history_motion", Read),
-            ("history_a", Read),
-            ("history_b", Read),
-            ("history_moments", Read),
-            ("out_a", Write),
-            ("out_b", Write),
-            ("out_moments", Write),
-        ];
         let kernel = |clamp: u32| {
-            let constants = [(2, clamp), plan.constant(Part::Specular)];
-            Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, BINDINGS, &[], &constants)
+            let constants = [("CLAMP", clamp), plan.constant(Part::Specular)];
+            Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, &constants)
         };
         let clamps = plan.settings.clamp > 0.0;
         let always = clamps && plan.settings.clamp_when == ClampWhen::Always;

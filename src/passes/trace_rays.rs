@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    gpu::{Access, Bind, Buffer, Gpu, StructLayout, Threads, Timings, struct_layout},
+    gpu::{Bind, Buffer, Gpu, Threads, Timings},
     gpu_struct,
     panorama::{depth::Quantisation, source::PanoramaFrame},
     plan::Part,
@@ -88,20 +88,9 @@ impl RayTracer {
         settings: &Settings,
         tracer: Tracer,
     ) -> Result<Self> {
-        use Access::{Read, Write};
-        const STRUCTS: &[StructLayout] =
-            &[struct_layout::<TracedRay>("TracedRay"), struct_layout::<RayAnswer>("RayAnswer")];
-        const BINDINGS: &[(&str, Access)] = &[
-            ("in_view", Read),
-            ("in_depth", Read),
-            ("in_angles", Read),
-            ("in_pyramid", Read),
-            ("in_rays", Read),
-            ("out_answers", Write),
-        ];
         let steps = if let Tracer::March(steps) = tracer { steps } else { 0 };
-        let constants = [(0, u32::from(tracer == Tracer::FarSides)), (1, steps)];
-        let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, BINDINGS, STRUCTS, &constants)?;
+        let constants = [("FAR_SIDES", u32::from(tracer == Tracer::FarSides)), ("MARCH_STEPS", steps)];
+        let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, &constants)?;
         let needs = Needs { color_levels: 1, geometry: Ok(()), boxes: Ok(()), lights: Err(Part::LightTable) };
         let mut panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, needs)?;
         if tracer == Tracer::FarSides {

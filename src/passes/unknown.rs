@@ -4,11 +4,10 @@ use super::{
     depth_pyramid::DepthPyramid,
     panorama::Panorama,
     resources::{Kernel, Resource, Resources},
-    view::ViewData,
 };
 use crate::{
     Result,
-    gpu::{Access, Format, Gpu, Image, StructLayout, Threads, struct_layout},
+    gpu::{Format, Gpu, Image, Threads},
     shaders,
 };
 
@@ -25,12 +24,8 @@ pub struct Unknown {
 impl Unknown {
     /// Builds the pipelines and allocates for a panorama.
     pub fn new(gpu: &Gpu, panorama: &Panorama) -> Result<Self> {
-        use Access::{Read, Write};
-        const STRUCTS: &[StructLayout] = &[struct_layout::<ViewData>("View")];
-        const BINDINGS: &[(&str, Access)] =
-            &[("in_view", Read), ("in_depth", Read), ("in_angles", Read), ("in_pyramid", Read), ("out_unknown", Write)];
         Ok(Self {
-            kernel: Kernel::new::<()>(gpu, "unknown", shaders::UNKNOWN, BINDINGS, STRUCTS, &[])?,
+            kernel: Kernel::new::<()>(gpu, "unknown", shaders::UNKNOWN, &[])?,
             depth_pyramid: DepthPyramid::new(gpu)?,
             panorama: panorama.clone().with_far_sides(gpu)?,
             prepared: None,

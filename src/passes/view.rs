@@ -87,74 +87,104 @@ pub enum Role {
     Relight,
 }
 
-/// An image of a view.
-struct Declared {
-    name: &'static str,
-    format: Format,
-    /// The real and the virtual surface, or one.
-    layers: u32,
-    /// Whether the previous frame's is kept.
-    history: bool,
-    /// The part without which it is not there.
-    absent: Option<Part>,
-}
-
-/// Images that hold a value for each of a pixel's surfaces, a layer each; [`REAL`] alone where no virtual one is seen.
-pub const SURFACE_IMAGES: [&str; 13] = [
-    "position",
-    "normal",
-    "motion",
-    "mask",
-    "irradiance_a",
-    "irradiance_b",
-    "filtered_a",
-    "filtered_b",
-    "scratch_a",
-    "scratch_b",
-    "a",
-    "b",
-    "moments",
-];
-
 /// The layer of real surfaces.
 pub const REAL: u32 = 0;
 /// The layer of virtual ones.
 pub const VIRTUAL: u32 = 1;
 
-/// All images, those included that the plan leaves out.
-fn declared(plan: &Plan, role: Role) -> Vec<Declared> {
-    use Part::{Emission, Objects, Specular, Temporal, VirtualSurfaces};
-    let shown = role == Role::Picture;
-    let levels = plan.settings.atrous_levels;
-    let missing = |parts: &[Part]| parts.iter().copied().find(|part| !plan.on(*part));
-    let layers = if shown && plan.on(VirtualSurfaces) { 2 } else { 1 };
-    let layers_b = if plan.on(Specular) { layers } else { 1 };
-    let filter = |level| missing(&[Objects]).or((levels < level).then_some(Part::Atrous));
-    // what a map of irradiance has no use for
-    let of_picture = |parts: &[Part]| missing(parts).or((!shown).then_some(VirtualSurfaces));
-    let image = |name, format, layers, history, absent| Declared { name, format, layers, history, absent };
-    let history = plan.on(Temporal);
-    vec![
-        image("position", Format::Rgba32f, layers, history, missing(&[Objects])),
-        image("normal", Format::Rgba16f, layers, history, missing(&[Objects])),
-        image("motion", Format::Rgba32f, layers, history, missing(&[Objects])),
-        image("camera_radiance", Format::Rgba32f, 1, false, of_picture(&[])),
-        image("albedo_virtual", Format::Rgba16f, 1, false, of_picture(&[Objects, VirtualSurfaces])),
-        image("emission", Format::Rgba16f, 1, false, of_picture(&[Objects, VirtualSurfaces, Emission])),
-        image("hit", Format::Rgba32u, 1, false, of_picture(&[Objects, VirtualSurfaces])),
-        image("real_coverage", Format::R32f, 1, false, of_picture(&[Objects, VirtualSurfaces])),
-        image("radiance", Format::Rgba32f, 1, false, of_picture(&[])),
-        image("mask", Format::R32f, layers, false, missing(&[Objects])),
-        image("irradiance_a", Format::Rgba32f, layers, false, missing(&[Objects])),
-        image("irradiance_b", Format::Rgba32f, layers_b, false, missing(&[Objects])),
-        image("filtered_a", Format::Rgba32f, layers, false, filter(1)),
-        image("filtered_b", Format::Rgba32f, layers_b, false, filter(1)),
-        image("scratch_a", Format::Rgba32f, layers, false, filter(2)),
-        image("scratch_b", Format::Rgba32f, layers_b, false, filter(2)),
-        image("a", Format::Rgba32f, layers, true, missing(&[Objects, Temporal])),
-        image("b", Format::Rgba32f, layers_b, true, missing(&[Objects, Temporal])),
-        image("moments", Format::Rgba32f, layers, true, missing(&[Objects, Temporal])),
+/// Which of a pixel's surfaces an image holds values for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Holds {
+    /// None: the pixel's own, in one layer.
+    Pixel,
+    /// [`REAL`], and [`VIRTUAL`] where virtual surfaces are seen.
+    Surfaces,
+    /// The same, but [`VIRTUAL`] only where they have a GGX lobe.
+    Lobes,
+}
+
+/// An image of a view: `bind/images.glsl` says what it holds.
+struct Declared {
+    name: &'static str,
+    format: Format,
+    holds: Holds,
+    /// Whether the previous frame's is kept.
+    history: bool,
+    /// The parts without any of which it is not there.
+    parts: &'static [Part],
+    /// It is not there with fewer levels of atrous.
+    levels: u32,
+    /// A map of irradiance has no use for it.
+    of_picture: bool,
+}
+
+impl Declared {
+    const fn new(name: &'static str, format: Format, holds: Holds, parts: &'static [Part]) -> Self {
+        Self { name, format, holds, history: false, parts, levels: 0, of_picture: false }
+    }
+
+    const fn with_history(self) -> Self {
+        Self { history: true, ..self }
+    }
+
+    const fn at_levels(self, levels: u32) -> Self {
+        Self { levels, ..self }
+    }
+
+    const fn of_picture(self) -> Self {
+        Self { of_picture: true, ..self }
+    }
+
+    /// The part without which it is not there.
+    fn absent(&self, plan: &Plan, role: Role) -> Option<Part> {
+        let missing = self.parts.iter().copied().find(|part| !plan.on(*part));
+        let filter = (plan.settings.atrous_levels < self.levels).then_some(Part::Atrous);
+        let picture = (self.of_picture && role != Role::Picture).then_some(Part::VirtualSurfaces);
+        missing.or(filter).or(picture)
+    }
+
+    fn layers(&self, plan: &Plan, role: Role) -> u32 {
+        let both = role == Role::Picture
+            && match self.holds {
+                Holds::Pixel => false,
+                Holds::Surfaces => plan.on(Part::VirtualSurfaces),
+                Holds::Lobes => plan.on(Part::VirtualSurfaces) && plan.on(Part::Specular),
+            };
+        1 + u32::from(both)
+    }
+}
+
+/// All images.
+const DECLARED: &[Declared] = {
+    use Format::{R32f, Rgba16f, Rgba32f, Rgba32u};
+    use Holds::{Lobes, Pixel, Surfaces};
+    use Part::{Emission, Objects, Temporal, VirtualSurfaces};
+    &[
+        Declared::new("position", Rgba32f, Surfaces, &[Objects]).with_history(),
+        Declared::new("normal", Rgba16f, Surfaces, &[Objects]).with_history(),
+        Declared::new("motion", Rgba32f, Surfaces, &[Objects]).with_history(),
+        Declared::new("camera_radiance", Rgba32f, Pixel, &[]).of_picture(),
+        Declared::new("albedo_virtual", Rgba16f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
+        Declared::new("emission", Rgba16f, Pixel, &[Objects, VirtualSurfaces, Emission]).of_picture(),
+        Declared::new("hit", Rgba32u, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
+        Declared::new("real_coverage", R32f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
+        Declared::new("radiance", Rgba32f, Pixel, &[]).of_picture(),
+        Declared::new("mask", R32f, Surfaces, &[Objects]),
+        Declared::new("irradiance_a", Rgba32f, Surfaces, &[Objects]),
+        Declared::new("irradiance_b", Rgba32f, Lobes, &[Objects]),
+        Declared::new("filtered_a", Rgba32f, Surfaces, &[Objects]).at_levels(1),
+        Declared::new("filtered_b", Rgba32f, Lobes, &[Objects]).at_levels(1),
+        Declared::new("scratch_a", Rgba32f, Surfaces, &[Objects]).at_levels(2),
+        Declared::new("scratch_b", Rgba32f, Lobes, &[Objects]).at_levels(2),
+        Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history(),
+        Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history(),
+        Declared::new("moments", Rgba32f, Surfaces, &[Objects, Temporal]).with_history(),
     ]
+};
+
+/// Whether an image holds a value for each of a pixel's surfaces, a layer each; [`REAL`] alone where no virtual one is seen.
+pub fn of_surfaces(image: &str) -> bool {
+    DECLARED.iter().any(|declared| declared.name == image && declared.holds != Holds::Pixel)
 }
 
 /// Bytes of the list of pixels and the list of tiles.
@@ -170,21 +200,27 @@ fn list_bytes(plan: &Plan, role: Role, size: [u32; 2]) -> [u64; 2] {
 /// What a view takes.
 pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
     let of = |image: &Declared| {
-        let texels = if image.absent.is_some() { 1 } else { u64::from(size[0]) * u64::from(size[1]) };
-        texels * u64::from(image.layers) * image.format.bytes() * if image.history { 2 } else { 1 }
+        let absent = image.absent(plan, role).is_some();
+        let texels = if absent { 1 } else { u64::from(size[0]) * u64::from(size[1]) };
+        let frames = if image.history && plan.on(Part::Temporal) { 2 } else { 1 };
+        texels * u64::from(image.layers(plan, role)) * image.format.bytes() * frames
     };
-    declared(plan, role).iter().map(of).sum::<u64>() + list_bytes(plan, role, size).iter().sum::<u64>()
+    DECLARED.iter().map(of).sum::<u64>() + list_bytes(plan, role, size).iter().sum::<u64>()
 }
 
 impl View {
     /// Allocates what the plan asks for. `label` prefixes resource names in messages.
     pub fn new(gpu: &Gpu, label: &str, size: [u32; 2], plan: &Plan, role: Role) -> Result<Self> {
         let mut resources = Resources::default();
-        for Declared { name, format, layers, history, absent } in declared(plan, role) {
+        for declared in DECLARED {
+            let Declared { name, format, .. } = *declared;
+            let layers = declared.layers(plan, role);
             let image = || gpu.image(&format!("{label} {name}"), size, layers, 1, format);
-            match absent {
+            match declared.absent(plan, role) {
                 Some(part) => resources.leave_out(gpu, name, format, part)?,
-                None if history => resources.add(name, Resource::History([image()?, image()?])),
+                None if declared.history && plan.on(Part::Temporal) => {
+                    resources.add(name, Resource::History([image()?, image()?]));
+                }
                 None => resources.add(name, Resource::Image(image()?)),
             }
         }

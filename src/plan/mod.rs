@@ -2,17 +2,18 @@
 //!
 //! A part that the scene cannot show is not dispatched, not compiled in and not allocated; whoever builds something asks
 //! [`Plan::on`]. A part is left out only where that cannot change the picture, whatever the random numbers: the criterion of each
-//! is in [`Facts`] and in `decide`. What a user sets wins.
+//! is in [`Facts`] and in `Plan::needed`. What a user sets wins.
 
 pub mod convex;
 pub mod facts;
 pub mod part;
 
 pub use facts::{CameraPlace, Facts};
-pub use part::Part;
+pub use part::{Part, Row};
 
 use crate::{
     Result,
+    gpu::Constant,
     options::RenderOptions,
     scene::Scene,
     settings::{Directions, FilterOrder, MaskBy, Method, RealTracer, Settings, VirtualTracer},
@@ -68,7 +69,7 @@ impl PartialEq for Plan {
             (on, plan.size, plan.looks_up(), plan.color_levels(), plan.facts.color_size, plan.facts.depth_size)
         };
         // the parts' own switches have done their work
-        let switches = |name: &str| Settings::TABLE.iter().any(|row| row.name == name && row.pass == "plan");
+        let switches = |name: &str| Part::ALL.iter().any(|part| part.is_switch() && part.row().setting == name);
         let values = |plan: &Self| -> Vec<_> {
             plan.settings.values().into_iter().filter(|(name, _)| !switches(name)).collect()
         };
@@ -114,20 +115,17 @@ impl Plan {
     fn decision(&self, part: Part) -> Decision {
         let settings = &self.asked;
         let decided = |on, by, why: String| Decision { part, on, by, why };
-        if let Some(other) = part.needs().filter(|other| !self.on(*other)) {
+        let Row { setting, off, needs, .. } = *part.row();
+        if let Some(other) = needs.filter(|other| !self.on(*other)) {
             return decided(false, By::Need(other), format!("{} is off", other.name()));
         }
-        let value = settings.value(part.setting()).unwrap_or_default();
-        let off = value == part.value_off();
-        if settings.given.contains(&part.setting()) && value != AUTO {
-            return decided(!off, By::Set, format!("{} = {value} was set", part.setting()));
+        let value = settings.value(setting).unwrap_or_default();
+        let is_off = value == off;
+        if settings.given.contains(&setting) && value != AUTO {
+            return decided(!is_off, By::Set, format!("{setting} = {value} was set"));
         }
-        if off {
-            return decided(
-                false,
-                By::Method,
-                format!("{} = {value} with method {}", part.setting(), self.method.name()),
-            );
+        if is_off {
+            return decided(false, By::Method, format!("{setting} = {value} with method {}", self.method.name()));
         }
         let (on, why) = self.needed(part);
         decided(on, By::Scene, why)
@@ -218,22 +216,11 @@ impl Plan {
         }
     }
 
-    /// Parts that are off leave their mark on the settings.
+    /// Parts that are off leave their mark on the settings. Those that are switches alone do not, as nothing else reads them.
     fn apply(&mut self, decision: &Decision) {
-        if decision.on {
-            return;
-        }
-        let settings = &mut self.settings;
-        match decision.part {
-            Part::RealTracer => settings.real_tracer = RealTracer::Direction,
-            Part::LightTable => settings.directions = Directions::Brdf,
-            Part::Relight => settings.relight_levels = 0,
-            Part::Bounces => settings.bounces = 1,
-            Part::Temporal => settings.temporal = false,
-            Part::SamplingMask => settings.sampling_mask = false,
-            Part::Interpolate => settings.interpolate = false,
-            Part::Atrous => settings.atrous_levels = 0,
-            _ => {}
+        let row = decision.part.row();
+        if !decision.on && !decision.part.is_switch() {
+            self.settings.leave_out(row.setting, row.off);
         }
     }
 
@@ -269,19 +256,18 @@ impl Plan {
         Ok(self.with(&settings))
     }
 
-    /// The value of a part's specialization constant, by the id that `parts.glsl` gives it.
-    pub fn constant(&self, part: Part) -> (u32, u32) {
-        let id = match part {
-            Part::VirtualSurfaces => 16,
-            Part::Specular => 17,
-            Part::Emission => 18,
-            Part::Textures => 19,
-            Part::Objects => 20,
-            Part::Motion => 21,
-            Part::Bounces => 22,
-            _ => u32::MAX, // no shader has it, and the pipeline's check says so
-        };
-        (id, u32::from(self.on(part)))
+    /// A part's specialization constant, and its value: whether the part is on, or, where its setting names one of several ways, which.
+    pub fn constant(&self, part: Part) -> Constant {
+        part.constant(match part {
+            Part::RealTracer => self.settings.real_tracer as u32,
+            Part::LightTable => self.settings.directions as u32,
+            _ => u32::from(self.on(part)),
+        })
+    }
+
+    /// Parts whose code is compiled into passes that run in any case.
+    pub fn code(&self) -> impl Iterator<Item = Part> {
+        Part::ALL.into_iter().filter(|part| part.row().constant.is_some() && self.on(*part))
     }
 
     /// Whether primary rays ever look real surfaces up: the camera is at the capture point at some time, or taken to be.

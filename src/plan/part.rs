@@ -1,148 +1,221 @@
-//! The parts of the model, and how each is forced on or off.
+//! The parts of the model: one table, a row each.
 
-use crate::settings::{Method, Settings};
+use crate::{
+    gpu::Constant,
+    settings::{Method, Settings},
+};
+use std::fmt::Write;
 
-/// A part of the model, in the order of the frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// Virtual objects, and with them all lighting.
-    Objects,
-    /// Virtual surfaces in the picture itself.
-    VirtualSurfaces,
-    /// Primary rays traced through the panorama.
-    OffCentre,
-    /// A panorama that changes.
-    Video,
-    /// Mip levels of the panorama.
-    RadiancePyramid,
-    /// Rays that meet real surfaces where they stand.
-    RealTracer,
-    /// The panorama's lamps as something to draw directions from.
-    LightTable,
-    /// Relit real surfaces, seen by rays.
-    Relight,
-    /// The GGX lobe.
-    Specular,
-    /// Virtual surfaces that shine.
-    Emission,
-    /// Textures of virtual surfaces.
-    Textures,
-    /// Paths from one virtual surface to another.
-    Bounces,
-    /// Accumulation over frames.
-    Temporal,
-    /// Object motion vectors, short histories, clamping.
-    Motion,
-    /// Tracing a share of the pixels.
-    SamplingMask,
-    /// Filling the others.
-    Interpolate,
-    /// The edge-avoiding filter.
-    Atrous,
+/// What is fixed about a part.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// Its name.
+    pub name: &'static str,
+    /// The key of `--set` that forces it on or off.
+    pub setting: &'static str,
+    /// The value of that setting by which it is off.
+    pub off: &'static str,
+    /// The part without which it has no meaning.
+    pub needs: Option<Part>,
+    /// The specialization constant that compiles it in.
+    pub constant: Option<&'static str>,
+    /// What it is.
+    pub what: &'static str,
+    /// Where the scene cannot show it; `Plan::needed` decides so.
+    pub off_where: &'static str,
+    /// What is left out with it.
+    pub leaves_out: &'static str,
+}
+
+macro_rules! parts {
+    ($( $part:ident: $what:literal { $( $field:ident: $value:expr, )* } )*) => {
+        /// A part of the model, in the order of the frame. A part comes after the one that it needs.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Part { $( #[doc = $what] $part, )* }
+
+        impl Part {
+            /// All.
+            pub const ALL: [Self; TABLE.len()] = [ $( Self::$part, )* ];
+        }
+
+        const TABLE: &[Row] = &[ $( Row { what: $what, $( $field: $value, )* }, )* ];
+    };
+}
+
+parts! {
+    Objects: "Virtual objects, and with them all lighting." {
+        name: "objects", setting: "objects", off: "off", needs: None, constant: Some("LIT"),
+        off_where: "nothing is inserted, or `--without-objects`",
+        leaves_out: "everything but `gbuffer` and `composite`, which then make the plain panorama view",
+    }
+    VirtualSurfaces: "Virtual surfaces in the picture itself." {
+        name: "virtual_surfaces", setting: "virtual_surfaces", off: "off", needs: Some(Part::Objects), constant: Some("VIRTUAL_SURFACES"),
+        off_where: "camera and objects stand still and no object's box meets the view",
+        leaves_out: "the virtual layer of all images, k_V, emission, hit and M, sub-pixel rays, one of the two `irradiance` dispatches",
+    }
+    OffCentre: "Primary rays traced through the panorama." {
+        name: "off_centre", setting: "off_centre", off: "off", needs: None, constant: Some("OFF_CENTRE"),
+        off_where: "all key frames of the camera are at the capture point, or the panorama has no depth",
+        leaves_out: "the pipelines that trace primary rays through the panorama; without objects also `normals` and `depth_pyramid`",
+    }
+    Video: "A panorama that changes." {
+        name: "video", setting: "video", off: "off", needs: None, constant: None,
+        off_where: "the panorama has one frame",
+        leaves_out: "after the first frame: raw depth, plane fits, the pipelines of a new video frame",
+    }
+    RadiancePyramid: "Mip levels of the panorama." {
+        name: "radiance_pyramid", setting: "radiance_pyramid", off: "off", needs: None, constant: Some("MINIFIED"),
+        off_where: "no pixel spans more than a texel, at the widest angle of the camera",
+        leaves_out: "mip levels and their pass",
+    }
+    RealTracer: "Rays that meet real surfaces where they stand." {
+        name: "real_tracer", setting: "real_tracer", off: "direction", needs: Some(Part::Objects), constant: Some("REAL_TRACER"),
+        off_where: "the panorama's only frame has no depth at all",
+        leaves_out: "`depth_pyramid`, the walk in `irradiance`",
+    }
+    LightTable: "The panorama's lamps as something to draw directions from." {
+        name: "light_table", setting: "directions", off: "brdf", needs: Some(Part::Objects), constant: Some("DIRECTIONS"),
+        off_where: "less than 5 % of the only frame's light is above its mean: no lamp would be drawn",
+        leaves_out: "the table, its pass, light sampling in `irradiance`",
+    }
+    Relight: "Relit real surfaces, seen by rays." {
+        name: "relight", setting: "relight_levels", off: "0", needs: Some(Part::Objects), constant: None,
+        off_where: "the panorama has no depth, so no real surface",
+        leaves_out: "the maps and their passes",
+    }
+    Specular: "The GGX lobe." {
+        name: "specular", setting: "specular", off: "off", needs: Some(Part::Objects), constant: Some("SPECULAR"),
+        off_where: "all materials have `specularFactor` 0 and metallic 0",
+        leaves_out: "the GGX lobe; the virtual layer of `irradiance_b`, `b`, `filtered_b`, `scratch_b`",
+    }
+    Emission: "Virtual surfaces that shine." {
+        name: "emission", setting: "emission", off: "off", needs: Some(Part::Objects), constant: Some("EMISSION"),
+        off_where: "no material shines",
+        leaves_out: "the image, the code",
+    }
+    Textures: "Textures of virtual surfaces." {
+        name: "textures", setting: "textures", off: "off", needs: Some(Part::Objects), constant: Some("TEXTURES"),
+        off_where: "no material has any",
+        leaves_out: "the code",
+    }
+    Bounces: "Paths from one virtual surface to another." {
+        name: "bounces", setting: "bounces", off: "1", needs: Some(Part::Objects), constant: Some("INTERREFLECTION"),
+        off_where: "one convex, closed object that does not move, a one-frame panorama whose surface keeps clear of the object's box, and a camera that does",
+        leaves_out: "the second tracing of objects in `irradiance`",
+    }
+    Temporal: "Accumulation over frames." {
+        name: "temporal", setting: "temporal", off: "false", needs: Some(Part::Objects), constant: None,
+        off_where: "one frame is rendered in all, the relit maps' warm-up included",
+        leaves_out: "the pass, six images and the previous frame's G-buffer",
+    }
+    Motion: "Object motion vectors, short histories, clamping." {
+        name: "motion", setting: "motion", off: "off", needs: Some(Part::Temporal), constant: Some("OBJECT_MOTION"),
+        off_where: "nothing but the camera moves and the video has one frame",
+        leaves_out: "objects' motion vectors, the clamping pipeline",
+    }
+    SamplingMask: "Tracing a share of the pixels." {
+        name: "sampling_mask", setting: "sampling_mask", off: "false", needs: Some(Part::Objects), constant: None,
+        off_where: "every pixel is traced anyhow: no history, or never one as long as `short_history`; or `rays_per_pixel` 1",
+        leaves_out: "`interpolate`",
+    }
+    Interpolate: "Filling the others." {
+        name: "interpolate", setting: "interpolate", off: "false", needs: Some(Part::SamplingMask), constant: None,
+        off_where: "`sampling_mask` is off; or `short_history` > 0 and `temporal` comes first: what is not traced has a history that passes its tests, to which an interpolated value adds nothing",
+        leaves_out: "the pass",
+    }
+    Atrous: "The edge-avoiding filter." {
+        name: "atrous", setting: "atrous_levels", off: "0", needs: Some(Part::Objects), constant: None,
+        off_where: "(by the method alone)",
+        leaves_out: "the pass, four images",
+    }
 }
 
 impl Part {
-    /// All.
-    pub const ALL: [Self; 17] = [
-        Self::Objects,
-        Self::VirtualSurfaces,
-        Self::OffCentre,
-        Self::Video,
-        Self::RadiancePyramid,
-        Self::RealTracer,
-        Self::LightTable,
-        Self::Relight,
-        Self::Specular,
-        Self::Emission,
-        Self::Textures,
-        Self::Bounces,
-        Self::Temporal,
-        Self::Motion,
-        Self::SamplingMask,
-        Self::Interpolate,
-        Self::Atrous,
-    ];
-
-    /// Its name, and the setting that forces it on or off.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::LightTable => "light_table",
-            Self::Relight => "relight",
-            Self::Atrous => "atrous",
-            _ => self.setting(),
-        }
+    /// Its row of the table.
+    pub const fn row(self) -> &'static Row {
+        &TABLE[self as usize]
     }
 
-    /// The key of `--set` that forces it.
-    pub fn setting(self) -> &'static str {
-        match self {
-            Self::Objects => "objects",
-            Self::VirtualSurfaces => "virtual_surfaces",
-            Self::OffCentre => "off_centre",
-            Self::Video => "video",
-            Self::RadiancePyramid => "radiance_pyramid",
-            Self::RealTracer => "real_tracer",
-            Self::LightTable => "directions",
-            Self::Relight => "relight_levels",
-            Self::Specular => "specular",
-            Self::Emission => "emission",
-            Self::Textures => "textures",
-            Self::Bounces => "bounces",
-            Self::Temporal => "temporal",
-            Self::Motion => "motion",
-            Self::SamplingMask => "sampling_mask",
-            Self::Interpolate => "interpolate",
-            Self::Atrous => "atrous_levels",
-        }
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        self.row().name
     }
 
-    /// The part without which it has no meaning.
-    pub fn needs(self) -> Option<Self> {
-        match self {
-            Self::Objects | Self::OffCentre | Self::Video | Self::RadiancePyramid => None,
-            Self::Motion => Some(Self::Temporal),
-            Self::Interpolate => Some(Self::SamplingMask),
-            _ => Some(Self::Objects),
-        }
+    /// Whether its setting does nothing but force it.
+    pub fn is_switch(self) -> bool {
+        self.row().off == "off"
     }
 
-    /// The value of its setting by which it is off.
-    pub fn value_off(self) -> &'static str {
-        match self {
-            Self::RealTracer => "direction",
-            Self::LightTable => "brdf",
-            Self::Relight | Self::Atrous => "0",
-            Self::Bounces => "1",
-            Self::Temporal | Self::SamplingMask | Self::Interpolate => "false",
-            _ => "off",
-        }
-    }
-
-    /// The value by which it is on: the method's own, or, where that leaves it out, that of `iprt`.
+    /// The value of its setting by which it is on: the method's own, or, where that leaves it out, that of `iprt`.
     pub fn value_on(self, method: Method) -> String {
-        match self {
-            Self::RealTracer
-            | Self::LightTable
-            | Self::Relight
-            | Self::Atrous
-            | Self::Bounces
-            | Self::Temporal
-            | Self::SamplingMask
-            | Self::Interpolate => {
-                let of = |method| Settings::of(method).value(self.setting()).unwrap_or_default();
-                Some(of(method)).filter(|value| value != self.value_off()).unwrap_or_else(|| of(Method::Iprt))
-            }
-            _ => "on".to_owned(),
+        let Row { setting, off, .. } = *self.row();
+        let of = |method| Settings::of(method).value(setting).unwrap_or_default();
+        match self.is_switch() {
+            true => "on".to_owned(),
+            false => Some(of(method)).filter(|value| value != off).unwrap_or_else(|| of(Method::Iprt)),
         }
     }
 
     /// What to set, so that it is on or off whatever the scene holds.
     pub fn forced(self, on: bool, method: Method) -> Vec<(&'static str, String)> {
+        let Row { setting, off, needs, .. } = *self.row();
         if !on {
-            return vec![(self.setting(), self.value_off().to_owned())];
+            return vec![(setting, off.to_owned())];
         }
-        let mut set = self.needs().map_or(Vec::new(), |other| other.forced(true, method));
-        set.push((self.setting(), self.value_on(method)));
+        let mut set = needs.map_or(Vec::new(), |other| other.forced(true, method));
+        set.push((setting, self.value_on(method)));
         set
+    }
+
+    /// Its specialization constant with a value; the name of a part that has none is in no shader, and making a pass says so.
+    pub fn constant(self, value: u32) -> Constant {
+        (self.row().constant.unwrap_or(self.name()), value)
+    }
+
+    /// The table as Markdown.
+    pub fn markdown() -> String {
+        let mut out = "| part | needs | is off where | forced by | what goes with it | compiled in by |\n".to_owned();
+        out += "|---|---|---|---|---|---|\n";
+        let code = |name: Option<&str>| name.map_or(String::new(), |name| format!("`{name}`"));
+        for part in Self::ALL {
+            let Row { name, setting, off, needs, constant, off_where, leaves_out, .. } = part.row();
+            let (needs, constant) = (code(needs.map(Self::name)), code(*constant));
+            let on = part.value_on(Method::Iprt);
+            let _ = writeln!(
+                out,
+                "| `{name}` | {needs} | {off_where} | `{setting}={on}\\|{off}` | {leaves_out} | {constant} |"
+            );
+        }
+        out
+    }
+
+    /// The table as text: each part with what it is and the settings that force it.
+    pub fn help() -> String {
+        let mut out = "Parts, and the settings that force them on or off:".to_owned();
+        for part in Self::ALL {
+            let Row { name, setting, off, what, .. } = part.row();
+            let set = format!("--set {setting}={}|{off}", part.value_on(Method::Iprt));
+            let _ = write!(out, "\n  {name:<18}{set:<36}{what}");
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_row_fits_the_settings_and_comes_after_what_it_needs() {
+        for (at, part) in Part::ALL.into_iter().enumerate() {
+            let row = part.row();
+            assert!(row.needs.is_none_or(|other| (other as usize) < at), "{}", row.name);
+            let setting = Settings::TABLE.iter().find(|setting| setting.name == row.setting).expect(row.setting);
+            assert_eq!(part.is_switch(), setting.pass == "plan", "{}", row.name);
+            for value in [row.off.to_owned(), part.value_on(Method::Paper)] {
+                Settings::of(Method::Iprt).set(row.setting, &value, "a test").expect(row.setting);
+            }
+            assert_ne!(row.off, part.value_on(Method::Ibl), "{}", row.name);
+        }
     }
 }

@@ -1,15 +1,7 @@
 //! The triangles that shine, in a table from which one is drawn by area × luminance.
 
-use crate::{
-    gpu_struct,
-    scene::packed::{Instance, PackedInstances, PackedScene},
-};
+use crate::scene::packed::{Instance, Light, PackedInstances, PackedScene};
 use glam::{Vec3, vec3};
-
-gpu_struct! {
-    /// A `Light` of `path_trace.comp`. `below` is the probability of all lights before this one.
-    pub struct Light { pub instance: u32, pub triangle: u32, pub below: f32, pub padding: u32 }
-}
 
 /// All lights of a scene at one time.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,14 +3,14 @@
 //! Sums do not drift: the device adds [`BATCH`] samples in single precision, and the host adds batches in
 //! double.
 
-use super::lights::{Light, light_table};
+use super::lights::light_table;
 use crate::{
     Error, Result,
-    gpu::{Access, Bind, Buffer, Format, Gpu, Image, StructLayout, Threads, struct_layout},
+    gpu::{Bind, Buffer, Format, Gpu, Image, Threads},
     gpu_struct,
-    passes::{gbuffer::SCENE_STRUCTS, resources::Kernel, scene::SceneBuffers, view::ViewData},
+    passes::{resources::Kernel, scene::SceneBuffers, view::ViewData},
     scene::{
-        packed::{PackedInstances, PackedScene, Punctual},
+        packed::{PackedInstances, PackedScene},
         viewpoint::Viewpoint,
     },
     shaders,
@@ -172,7 +172,7 @@ impl PathTracer {
         let image = |name| Ok((name, gpu.image(name, size, 1, 1, Format::Rgba32f)?));
         Ok(Self {
             gpu: gpu.clone(),
-            kernel: kernel(gpu)?,
+            kernel: Kernel::new::<Push>(gpu, "path_trace", shaders::PATH_TRACE, &[])?,
             scene: buffers,
             view,
             view_buffer: gpu.buffer("path_trace view", size_of::<ViewData>() as u64)?,
@@ -337,38 +337,4 @@ pub(super) fn hash_scene(scene: &PackedScene, state: &PackedInstances) -> blake3
     part(bytemuck::cast_slice(shaders::PATH_TRACE));
     part(env!("CARGO_PKG_VERSION").as_bytes());
     hasher
-}
-
-fn kernel(gpu: &Gpu) -> Result<Kernel> {
-    use Access::{Read, ReadWrite};
-    const BINDINGS: &[(&str, Access)] = &[
-        ("in_view", Read),
-        ("in_triangles", Read),
-        ("in_shading", Read),
-        ("in_vertices", Read),
-        ("in_nodes", Read),
-        ("in_instances", Read),
-        ("in_top_nodes", Read),
-        ("in_materials", Read),
-        ("in_textures", Read),
-        ("in_texels", Read),
-        ("in_energy", Read),
-        ("in_lights", Read),
-        ("in_punctual", Read),
-        ("reflected", ReadWrite),
-        ("other", ReadWrite),
-        ("albedo", ReadWrite),
-        ("centre", ReadWrite),
-    ];
-    const STRUCTS: &[StructLayout] = &{
-        let mut structs = [struct_layout::<Light>("Light"); SCENE_STRUCTS.len() + 2];
-        let mut i = 0;
-        while i < SCENE_STRUCTS.len() {
-            structs[i] = SCENE_STRUCTS[i];
-            i += 1;
-        }
-        structs[i] = struct_layout::<Punctual>("Punctual");
-        structs
-    };
-    Kernel::new::<Push>(gpu, "path_trace", shaders::PATH_TRACE, BINDINGS, STRUCTS, &[])
 }

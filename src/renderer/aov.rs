@@ -6,7 +6,7 @@ use crate::{
     gpu::Image,
     passes::{
         resources::Resource,
-        view::{REAL, SURFACE_IMAGES, VIRTUAL},
+        view::{REAL, VIRTUAL, of_surfaces},
     },
     plan::Part,
 };
@@ -37,9 +37,8 @@ impl Renderer {
     pub fn aov_names(&self) -> Vec<String> {
         let derived = DERIVED.iter().map(|(name, _)| (*name).to_owned());
         let images = self.picture.resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_)));
-        let of_surfaces = |name: &str| LAYERS.map(|layer| format!("{name}_{layer}")).to_vec();
-        let names = images.flat_map(|(name, _)| match SURFACE_IMAGES.contains(name) {
-            true => of_surfaces(name),
+        let names = images.flat_map(|(name, _)| match of_surfaces(name) {
+            true => LAYERS.map(|layer| format!("{name}_{layer}")).to_vec(),
             false => vec![(*name).to_owned()],
         });
         derived.chain(names).filter(|name| self.source(name).is_ok()).collect()
@@ -111,7 +110,7 @@ impl Renderer {
             return layer(filtered_names(&self.plan.settings)[usize::from(b)], at);
         }
         for (known, _) in resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_))) {
-            if !SURFACE_IMAGES.contains(known) {
+            if !of_surfaces(known) {
                 if *known == name {
                     return layer(known, 0);
                 }

@@ -3,7 +3,7 @@
 use crate::{
     Result,
     passes::{
-        panorama::{self, PyramidShape},
+        PASSES, Row, panorama,
         view::{self, Role},
     },
     plan::{By, Decision, Part, Plan},
@@ -42,33 +42,13 @@ pub struct PassPlan {
 impl Plan {
     /// All passes in frame order.
     pub fn passes(&self) -> Vec<PassPlan> {
-        let on = |part| u32::from(self.on(part));
-        let lit = on(Part::Objects);
-        let filters = on(Part::Interpolate) + on(Part::Temporal) + self.settings.atrous_levels * on(Part::Atrous);
-        let boxes = PyramidShape::new(self.facts.depth_size).levels.len() as u32;
-        let geometry = [Part::Objects, Part::OffCentre];
-        let pass = |name, dispatches: u32, parts: &[Part]| {
-            let reasons: Vec<_> = parts.iter().filter(|part| !self.on(**part)).map(|part| self.reason(*part)).collect();
-            PassPlan { name, dispatches, off: (dispatches == 0).then(|| reasons.join("; ")) }
+        let pass = |row: &Row| {
+            let dispatches = (row.dispatches)(self);
+            let missing = row.without.iter().filter(|part| !self.on(**part));
+            let why = || missing.map(|part| self.reason(*part)).collect::<Vec<_>>().join("; ");
+            PassPlan { name: row.name, dispatches, off: (dispatches == 0).then(why) }
         };
-        vec![
-            pass("radiance_pyramid", self.color_levels() - 1, &[Part::RadiancePyramid]),
-            pass("normals", 2 * u32::from(self.geometry()), &geometry),
-            pass(
-                "depth_pyramid",
-                boxes * u32::from(self.boxes()),
-                if self.on(Part::Objects) { &[Part::RealTracer, Part::OffCentre] } else { &geometry },
-            ),
-            pass("light_table", 2 * on(Part::LightTable), &[Part::LightTable]),
-            pass("relight", self.settings.relight_levels * on(Part::Relight) * (3 + filters), &[Part::Relight]),
-            pass("gbuffer", 1 + on(Part::VirtualSurfaces), &[]),
-            pass("sampling_mask", lit, &[Part::Objects]),
-            pass("irradiance", lit + on(Part::VirtualSurfaces), &[Part::Objects]),
-            pass("interpolate", on(Part::Interpolate), &[Part::Interpolate]),
-            pass("temporal", on(Part::Temporal), &[Part::Temporal]),
-            pass("atrous", self.settings.atrous_levels * on(Part::Atrous), &[Part::Atrous]),
-            pass("composite", 1, &[]),
-        ]
+        PASSES.iter().map(pass).collect()
     }
 
     /// Dispatches and memory.
@@ -80,23 +60,6 @@ impl Plan {
             dispatches: self.passes().iter().map(|pass| pass.dispatches).sum(),
             bytes: view::bytes(self, Role::Picture, self.size) + relight + panorama::bytes(self),
         }
-    }
-
-    /// Parts whose code is compiled into passes that run in any case.
-    pub fn code(&self) -> Vec<Part> {
-        let compiled = [
-            Part::VirtualSurfaces,
-            Part::OffCentre,
-            Part::RadiancePyramid,
-            Part::RealTracer,
-            Part::LightTable,
-            Part::Specular,
-            Part::Emission,
-            Part::Textures,
-            Part::Bounces,
-            Part::Motion,
-        ];
-        compiled.into_iter().filter(|part| self.on(*part)).collect()
     }
 
     /// The plan in a line: what is on, and how many parts the scene does without.
@@ -161,7 +124,7 @@ impl Plan {
                     By::Set => "set",
                 },
                 "why": decision.why,
-                "setting": decision.part.setting(),
+                "setting": decision.part.row().setting,
                 "bytes": cost.bytes,
                 "dispatches": cost.dispatches,
             })

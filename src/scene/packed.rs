@@ -88,6 +88,11 @@ gpu_struct! {
     }
 }
 
+gpu_struct! {
+    /// A triangle that shines, in the path tracer's table. `below`: the probability of all lights before this one.
+    pub struct Light { pub instance: u32, pub triangle: u32, pub below: f32, pub padding: u32 }
+}
+
 /// All that does not change from frame to frame, and the instances and top level that do.
 #[derive(Clone, Debug, Default)]
 pub struct PackedScene {

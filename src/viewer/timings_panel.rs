@@ -1,8 +1,8 @@
 //! The time of each pass of A, now and over the last frames.
 
 use super::session::{FrameRecord, Session};
-use crate::gpu::Timings;
-use egui::{Color32, Rect, Ui, ecolor::Hsva};
+use crate::{gpu::Timings, passes::PASSES};
+use egui::{Color32, Rect, Ui};
 
 /// Number of frames that the graph shows.
 pub const FRAMES: usize = 120;
@@ -11,14 +11,6 @@ pub const FRAMES: usize = 120;
 pub fn show(session: &Session, ui: &mut Ui) {
     let Some(picture) = &session.shown.pictures[0] else { return };
     let passes = sums(&picture.timings);
-    let mut names: Vec<&str> = passes.iter().map(|(name, _)| *name).collect();
-    for frame in &session.frame_times {
-        for (name, _) in &frame.timings.entries {
-            if !names.contains(&name.as_str()) {
-                names.push(name);
-            }
-        }
-    }
     let most = passes.iter().map(|(_, ms)| *ms).fold(1e-9, f64::max);
     egui::Grid::new("passes").num_columns(3).spacing([8.0, 2.0]).show(ui, |ui| {
         for (name, ms) in &passes {
@@ -26,7 +18,7 @@ pub fn show(session: &Session, ui: &mut Ui) {
             ui.monospace(format!("{ms:8.2}"));
             let (rect, _) = ui.allocate_exact_size(egui::vec2(90.0, 10.0), egui::Sense::hover());
             let bar = Rect::from_min_size(rect.min, egui::vec2(rect.width() * (ms / most) as f32, rect.height()));
-            ui.painter().rect_filled(bar, 1.0, color(&names, name));
+            ui.painter().rect_filled(bar, 1.0, color(name));
             ui.end_row();
         }
         for (name, ms) in [("passes", picture.timings.gpu_ms), ("frame", picture.frame_ms)] {
@@ -36,7 +28,7 @@ pub fn show(session: &Session, ui: &mut Ui) {
             ui.end_row();
         }
     });
-    graph(&session.frame_times, &names, ui);
+    graph(&session.frame_times, ui);
     let by = if picture.by_clock {
         "Passes by the clock: a slow frame is submitted in pieces, between which the window is drawn"
     } else {
@@ -58,13 +50,13 @@ fn sums(timings: &Timings) -> Vec<(&str, f64)> {
     sums
 }
 
-/// The colour of a name. Neighbours get colours that differ much.
-fn color(names: &[&str], name: &str) -> Color32 {
-    let place = names.iter().position(|known| *known == name).unwrap_or(0);
-    Hsva::new((0.58 + 0.382 * place as f32).fract(), 0.55, 0.85, 1.0).into()
+/// The colour that the pass of a name has in charts.
+fn color(name: &str) -> Color32 {
+    let pass = PASSES.iter().find(|pass| pass.name == name);
+    pass.and_then(|pass| Color32::from_hex(pass.color).ok()).unwrap_or(Color32::WHITE)
 }
 
-fn graph(frames: &[FrameRecord], names: &[&str], ui: &mut Ui) {
+fn graph(frames: &[FrameRecord], ui: &mut Ui) {
     let (rect, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 64.0), egui::Sense::hover());
     let top = frames.iter().map(|frame| frame.wall_ms).fold(1.0, f64::max);
     let painter = ui.painter_at(rect);
@@ -82,9 +74,9 @@ fn graph(frames: &[FrameRecord], names: &[&str], ui: &mut Ui) {
         let passes = sums(&frame.timings);
         let covered: f64 = passes.iter().map(|(_, ms)| ms).sum();
         for (name, ms) in passes {
-            part(ms, color(names, name));
+            part(ms, color(name));
         }
-        part((frame.wall_ms - covered).max(0.0), Color32::from_gray(90));
+        part((frame.wall_ms - covered).max(0.0), Color32::from_gray(60));
     }
     response.on_hover_text("each stacked from its passes in the colours above; grey: the rest of its time");
     ui.weak(format!("the last {} frames, up to {top:.0} ms", frames.len()));

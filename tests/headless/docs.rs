@@ -7,9 +7,12 @@ use iprt::{
         common::{DeviceArgs, PictureArgs},
         target::TargetArgs,
     },
+    gpu::{Access, Binding, Kind, bindings},
+    passes::PASSES,
+    plan::Part,
     settings::{Method, Settings},
 };
-use std::{fs, path::PathBuf};
+use std::{fmt::Write, fs, path::PathBuf};
 
 fn file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(name)
@@ -140,6 +143,100 @@ fn table(args: &[&Arg]) -> String {
         format!("| {} | {} |\n", names.join(", ").replace('|', "\\|"), meaning.replace('|', "\\|"))
     });
     format!("| argument | meaning |\n|---|---|\n{}", rows.collect::<String>())
+}
+
+#[test]
+fn the_table_of_parts_is_the_plans_own() {
+    generated("docs/plan.md", "parts", "the table in src/plan/part.rs", &Part::markdown());
+}
+
+/// A name without its direction.
+fn plain(binding: &str) -> &str {
+    ["in_", "out_", "history_"].iter().find_map(|direction| binding.strip_prefix(direction)).unwrap_or(binding)
+}
+
+/// The text of a group of bindings.
+fn group(name: &str) -> String {
+    fs::read_to_string(file(&format!("shaders/glsl/bind/{name}.glsl"))).expect("the group is there")
+}
+
+fn format_of(kind: Kind) -> String {
+    match kind {
+        Kind::StorageBuffer | Kind::UniformBuffer => "buffer".to_owned(),
+        Kind::StorageImage { format, .. } => format!("{format:?}").to_lowercase().replace("32u", "32ui"),
+        Kind::Sampled { .. } => "sampled".to_owned(),
+    }
+}
+
+#[test]
+fn what_passes_read_and_write_is_what_their_shaders_say() {
+    let scene = group("scene");
+    let mut table = "| pass | shader | reads | writes |\n|---|---|---|---|\n".to_owned();
+    for (pass, (stem, spirv)) in PASSES.iter().flat_map(|pass| pass.shaders.iter().map(move |shader| (pass, shader))) {
+        let (mut reads, mut writes) = (Vec::new(), Vec::new());
+        let mut all = bindings(spirv).expect("a good shader");
+        all.sort_by_key(|binding| binding.number);
+        for Binding { name, access, kind, .. } in all {
+            let text = match (name.as_str(), scene.contains(&format!(" {name};"))) {
+                (_, true) => "scene".to_owned(),
+                ("in_view", _) => continue, // every one
+                (name, _) if name.starts_with("history_") => format!("last `{}` {}", plain(name), format_of(kind)),
+                (name, _) => format!("`{}` {}", plain(name), format_of(kind)),
+            };
+            let lists = match access {
+                Access::Read => vec![&mut reads],
+                Access::Write => vec![&mut writes],
+                Access::ReadWrite => vec![&mut reads, &mut writes],
+            };
+            for list in lists {
+                if !list.contains(&text) {
+                    list.push(text.clone());
+                }
+            }
+        }
+        let _ = writeln!(table, "| {} | `{stem}.comp` | {} | {} |", pass.name, reads.join(", "), writes.join(", "));
+    }
+    generated("docs/pipeline.md", "passes", "the shaders", &table);
+}
+
+#[test]
+fn what_images_hold_is_what_their_groups_say() {
+    let written = |name: &str| {
+        let writes = |spirv| {
+            bindings(spirv).expect("a good shader").iter().any(|b| b.access != Access::Read && plain(&b.name) == name)
+        };
+        let passes = PASSES.iter().filter(|pass| pass.shaders.iter().any(|(_, spirv)| writes(spirv)));
+        passes.map(|pass| pass.name).collect::<Vec<_>>().join(", ")
+    };
+    let mut table = "| name | format | holds | written by |\n|---|---|---|---|\n".to_owned();
+    for name in ["images", "panorama", "relit"] {
+        let text = group(name);
+        // a comment, and the declarations that it is about
+        let blocks = text.split("\n//").filter_map(|block| block.split_once("\nlayout("));
+        for (comment, declarations) in blocks {
+            let mut rows: Vec<(String, String, bool)> = Vec::new();
+            for line in format!("layout({declarations}").lines().filter(|line| line.starts_with("layout(")) {
+                let variable = line.trim_end_matches(';').rsplit(' ').next().expect("a name").to_owned();
+                let format = line.split(')').next().and_then(|layout| layout.rsplit(", ").next()).expect("a layout");
+                let format = match format {
+                    "scalar" => "buffer".to_owned(),
+                    format if format.starts_with("binding") => "sampled".to_owned(),
+                    format => format!("{format}{}", if line.contains("Array") { " 2" } else { "" }),
+                };
+                let (name, history) = (plain(&variable).to_owned(), variable.starts_with("history_"));
+                match rows.iter_mut().find(|(known, ..)| *known == name) {
+                    Some((.., kept)) => *kept |= history,
+                    None => rows.push((name, format, history)),
+                }
+            }
+            let comment = comment.replace("\n//", "").trim().trim_end_matches('.').replace('|', "\\|");
+            for (name, format, history) in rows {
+                let history = if history { " h" } else { "" };
+                let _ = writeln!(table, "| `{name}` | {format}{history} | {comment} | {} |", written(&name));
+            }
+        }
+    }
+    generated("docs/pipeline.md", "images", "shaders/glsl/bind", &table);
 }
 
 #[test]

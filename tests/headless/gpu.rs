@@ -4,7 +4,10 @@
 use crate::shaders;
 use iprt::{
     Error,
-    gpu::{Access, Bind, Format, Gpu, GpuOptions, PassDeclaration, PushLayout, StructLayout, Threads, struct_layout},
+    gpu::{
+        Access, Bind, Binding, Format, Gpu, GpuOptions, Kind, PassDeclaration, PushLayout, StructLayout, Threads,
+        bindings, struct_layout,
+    },
     gpu_struct,
 };
 
@@ -23,45 +26,17 @@ gpu_struct! {
     }
 }
 
-const ADD: PassDeclaration = PassDeclaration {
-    name: "add",
-    spirv: shaders::ADD,
-    bindings: &[("in_values", Access::Read), ("out_values", Access::Write)],
-    push: Some(PushLayout::of::<AddPush>()),
-    structs: &[],
-};
+const ADD: PassDeclaration =
+    PassDeclaration { name: "add", spirv: shaders::ADD, push: Some(PushLayout::of::<AddPush>()), structs: &[] };
 
-const ITEMS: PassDeclaration = PassDeclaration {
-    name: "items",
-    spirv: shaders::ITEMS,
-    bindings: &[("in_items", Access::Read), ("in_scale", Access::Read), ("out_sums", Access::Write)],
-    push: None,
-    structs: &[struct_layout::<Item>("Item")],
-};
+const ITEMS: PassDeclaration =
+    PassDeclaration { name: "items", spirv: shaders::ITEMS, push: None, structs: &[struct_layout::<Item>("Item")] };
 
-const COUNT: PassDeclaration = PassDeclaration {
-    name: "count",
-    spirv: shaders::COUNT,
-    bindings: &[("arguments", Access::ReadWrite)],
-    push: None,
-    structs: &[],
-};
+const COUNT: PassDeclaration = PassDeclaration { name: "count", spirv: shaders::COUNT, push: None, structs: &[] };
 
-const BLUR: PassDeclaration = PassDeclaration {
-    name: "blur",
-    spirv: shaders::BLUR,
-    bindings: &[("in_level", Access::Read), ("out_level", Access::Write)],
-    push: None,
-    structs: &[],
-};
+const BLUR: PassDeclaration = PassDeclaration { name: "blur", spirv: shaders::BLUR, push: None, structs: &[] };
 
-const SAMPLE: PassDeclaration = PassDeclaration {
-    name: "sample",
-    spirv: shaders::SAMPLE,
-    bindings: &[("in_panorama", Access::Read), ("out_samples", Access::Write), ("out_count", Access::ReadWrite)],
-    push: None,
-    structs: &[],
-};
+const SAMPLE: PassDeclaration = PassDeclaration { name: "sample", spirv: shaders::SAMPLE, push: None, structs: &[] };
 
 fn open() -> Gpu {
     let device = std::env::var("IPRT_DEVICE").ok();
@@ -106,7 +81,7 @@ fn structs_uniforms_and_specialization_arrive() {
         let items = gpu.buffer_with("items", &items).unwrap();
         let scale = gpu.buffer_with("scale", &[2.0f32]).unwrap();
         let sums = gpu.buffer("sums", 8).unwrap();
-        for (specialization, width, extra) in [(&[][..], 32, 0.0), (&[(0, 16), (1, 100)][..], 16, 100.0)] {
+        for (specialization, width, extra) in [(&[][..], 32, 0.0), (&[("WIDTH", 16), ("BONUS", 100)][..], 16, 100.0)] {
             let pass = gpu.pass(&ITEMS, specialization).unwrap();
             assert_eq!(pass.local_size(), [width, 1, 1]);
             let mut frame = gpu.frame().unwrap();
@@ -306,6 +281,41 @@ fn memory_is_counted_and_given_back() {
 }
 
 #[test]
+fn bindings_are_those_that_the_shader_uses() {
+    let all = |spirv| {
+        let mut all = bindings(spirv).unwrap();
+        all.sort_by_key(|binding| binding.number);
+        all
+    };
+    let binding = |name: &str, number, access, kind| Binding { name: name.to_owned(), number, access, kind };
+    let image = |format, array| Kind::StorageImage { format, array };
+    assert_eq!(
+        all(shaders::ITEMS), // in_never is declared and not used
+        [
+            binding("in_items", 2, Access::Read, Kind::StorageBuffer),
+            binding("in_scale", 5, Access::Read, Kind::UniformBuffer),
+            binding("out_sums", 7, Access::Write, Kind::StorageBuffer),
+        ]
+    );
+    assert_eq!(
+        all(shaders::BLUR),
+        [
+            binding("in_level", 0, Access::Read, image(Format::Rgba16f, true)),
+            binding("out_level", 1, Access::Write, image(Format::Rgba16f, true)),
+        ]
+    );
+    assert_eq!(
+        all(shaders::SAMPLE),
+        [
+            binding("in_panorama", 0, Access::Read, Kind::Sampled { array: false, integer: false }),
+            binding("out_samples", 1, Access::Write, image(Format::Rgba32f, false)),
+            binding("out_count", 2, Access::ReadWrite, image(Format::R32u, false)),
+        ]
+    );
+    assert!(bindings(&[1, 2, 3]).unwrap_err().to_string().contains("cannot be read"));
+}
+
+#[test]
 fn declarations_that_disagree_with_the_shader_are_named() {
     gpu_struct! {
         struct Swapped {
@@ -337,15 +347,9 @@ fn declarations_that_disagree_with_the_shader_are_named() {
     const PADDED: &[StructLayout] = &[struct_layout::<Padded>("Item")];
     const LONGER: &[StructLayout] = &[struct_layout::<Longer>("Item")];
     const UNKNOWN: &[StructLayout] = &[struct_layout::<Item>("Thing")];
-    use Access::{Read, ReadWrite, Write};
-    let with_bindings = |bindings| PassDeclaration { bindings, ..ADD };
     let with_push = |push| PassDeclaration { push, ..ADD };
     let with_structs = |structs| PassDeclaration { structs, ..ITEMS };
     let cases = [
-        (with_bindings(&[("in_values", Read)]), "out_values is used and not declared"),
-        (with_bindings(&[("in_values", Read), ("out_values", Write), ("in_other", Read)]), "in_other is declared and"),
-        (with_bindings(&[("in_values", ReadWrite), ("out_values", Write)]), "in_values is declared as ReadWrite"),
-        (with_bindings(&[("in_values", Read), ("out_values", Read)]), "out_values is declared as Read"),
         (with_push(None), "push constants are not declared"),
         (with_push(Some(PushLayout::of::<Swapped>())), "field 0 is count in GLSL and amount in Rust"),
         (with_push(Some(PushLayout::of::<Shifted>())), "GLSL has 2 fields and Rust 3"),
@@ -353,7 +357,7 @@ fn declarations_that_disagree_with_the_shader_are_named() {
         (PassDeclaration { push: Some(PushLayout::of::<AddPush>()), ..ITEMS }, "the shader does not use them"),
         (with_structs(PADDED), "struct Item: its array stride is 24 in GLSL and 28 in Rust"),
         (with_structs(LONGER), "struct Item: its array stride is 24 in GLSL and 28 in Rust"),
-        (with_structs(UNKNOWN), "struct Thing is declared and no used buffer holds it"),
+        (with_structs(UNKNOWN), "Rust knows no struct Item that is in a buffer"),
     ];
     let gpu = open();
     for (declaration, says) in cases {
@@ -362,7 +366,7 @@ fn declarations_that_disagree_with_the_shader_are_named() {
         let text = error.to_string();
         assert!(text.contains(says) && text.contains(declaration.name), "{text}, not: {says}");
     }
-    assert!(gpu.pass(&ADD, &[(3, 1)]).unwrap_err().to_string().contains("no specialization constant 3"));
+    assert!(gpu.pass(&ADD, &[("BONUS", 1)]).unwrap_err().to_string().contains("no specialization constant BONUS"));
     clean(gpu);
 }
 

@@ -4,6 +4,7 @@
 //!
 //! The tests of one file: `cargo nextest run renderer::` or `cargo test --test headless renderer::`.
 
+mod adding;
 mod bounces;
 mod bvh;
 mod chart;

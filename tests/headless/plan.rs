@@ -113,7 +113,7 @@ fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
         let other = case.render(gpu, plan.flipped(decision).expect("a setting"));
         let (flip, steps) = change(case.options.size, &base.picture, &other.picture, &regions);
         let dispatched = |r: &Rendered| r.first.entries.len();
-        let code = |r: &Rendered| r.renderer.plan().code().len();
+        let code = |r: &Rendered| r.renderer.plan().code().count();
         println!(
             "  {name} forced {}: FLIP {flip:.4}, {steps}/255, dispatches {} to {}, bytes {} to {}",
             if decision.on { "off" } else { "on" },
@@ -282,7 +282,7 @@ fn settings_given_win_and_plans_compare() {
     assert_eq!(base.settings.bounces, 1, "a convex object alone");
     for (set, part) in [("bounces", Part::Bounces), ("specular", Part::Specular), ("relight_levels", Part::Relight)] {
         for on in [false, true] {
-            let value = if on { part.value_on(Method::Iprt) } else { part.value_off().to_owned() };
+            let value = if on { part.value_on(Method::Iprt) } else { part.row().off.to_owned() };
             let forced = plan(things(), &[(set, &value)]);
             assert!(forced.on(part) == on && forced.parts.iter().any(|d| d.part == part && d.by == By::Set), "{set}");
             assert_eq!(forced == base, base.on(part) == on, "{set}={value}");

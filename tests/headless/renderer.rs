@@ -198,8 +198,8 @@ fn every_barrier_is_needed() {
         renderer.skip_barrier = None;
         let timings = renderer.render(&scene, 1.0 / 30.0).expect("renders");
         let names: Vec<_> = timings.entries.iter().map(|(name, _)| name.as_str()).collect();
-        for pass in iprt::measure::bench::PASSES {
-            assert!(names.contains(&pass), "{pass} was among them");
+        for pass in iprt::passes::PASSES {
+            assert!(names.contains(&pass.name), "{} was among them", pass.name);
         }
     });
 }

@@ -4,13 +4,13 @@
 use crate::{common::*, shaders};
 use glam::{DVec2, DVec3, Vec3, dvec3, vec3};
 use iprt::{
-    gpu::{Access, Bind, Gpu, GpuStruct, PassDeclaration, PushLayout, StructLayout, Threads, struct_layout},
+    gpu::{Bind, Gpu, GpuStruct, PassDeclaration, PushLayout, Threads},
     gpu_struct,
     panorama::light::CELLS,
     passes::{
         light_table::LightTable,
         panorama::{Needs, Panorama},
-        resources::{Resource, Resources},
+        resources::{Resource, Resources, STRUCTS},
         view::ViewData,
     },
     plan::Part,
@@ -38,22 +38,18 @@ gpu_struct! {
     }
 }
 
-const VIEW: &[StructLayout] = &[struct_layout::<ViewData>("View")];
-
 const LOBES: PassDeclaration = PassDeclaration {
     name: "sample_lobes",
     spirv: shaders::SAMPLE_LOBES,
-    bindings: &[("in_view", Access::Read), ("out_samples", Access::Write)],
     push: Some(PushLayout::of::<LobePush>()),
-    structs: VIEW,
+    structs: STRUCTS,
 };
 
 const LIGHTS: PassDeclaration = PassDeclaration {
     name: "sample_lights",
     spirv: shaders::SAMPLE_LIGHTS,
-    bindings: &[("in_view", Access::Read), ("in_lights", Access::Read), ("out_samples", Access::Write)],
     push: Some(PushLayout::of::<LightPush>()),
-    structs: VIEW,
+    structs: STRUCTS,
 };
 
 const SAMPLES: u32 = 1 << 18;

@@ -1,16 +1,10 @@
 //! Colours, logarithmic axes and escaped text, which all drawings of a chart share.
 
-use crate::{measure::bench::PASSES, settings::Settings};
+use crate::{passes::PASSES, settings::Settings};
 
-/// Colours of passes, in frame order. A setting has the colour of its pass.
-const COLORS: [&str; PASSES.len()] = [
-    "#8c8c8c", "#a6761d", "#666a1f", "#e6ab02", "#d95f02", "#7570b3", "#1b9e77", "#e7298a", "#66a61e", "#1f78b4",
-    "#b2182b", "#525252",
-];
-
-/// The colour of a pass.
+/// The colour of a pass. A setting has the colour of its pass.
 pub fn pass_color(pass: &str) -> &'static str {
-    PASSES.iter().position(|name| *name == pass).map_or("#222222", |index| COLORS[index])
+    PASSES.iter().find(|row| row.name == pass).map_or("#222222", |row| row.color)
 }
 
 /// The colour of a point, by its [`ChartPoint::group`](super::ChartPoint::group).

@@ -2,7 +2,7 @@
 //! each region.
 
 use super::{
-    draw::{escape, group_color, pass_color},
+    draw::{escape, group_color},
     pictures::Codes,
     point::{Chart, ChartScene},
     scatter::{self, Panel},
@@ -10,7 +10,8 @@ use super::{
 use crate::{
     Error, Result,
     image_file::write::{write_bytes, write_png},
-    measure::{bench::PASSES, score::REGIONS},
+    measure::score::REGIONS,
+    passes::PASSES,
 };
 use resvg::{tiny_skia, usvg};
 use std::{collections::BTreeSet, fmt::Write, path::Path};
@@ -53,21 +54,16 @@ impl Chart {
 
     /// One line that explains colours and shapes.
     pub fn legend(&self, width: f64) -> String {
-        let colors: BTreeSet<(usize, &str, &str)> = self
-            .points
-            .iter()
-            .filter(|point| !["method", "reference", "limit"].contains(&point.group.as_str()))
-            .map(|point| {
-                let color = group_color(&point.group);
-                let pass = PASSES.iter().position(|pass| pass_color(pass) == color);
-                pass.map_or((PASSES.len(), color, "internal resolution"), |index| (index, color, PASSES[index]))
-            })
-            .collect();
+        let changed = self.points.iter().filter(|p| !["method", "reference", "limit"].contains(&p.group.as_str()));
+        let used: BTreeSet<_> = changed.map(|point| group_color(&point.group)).collect();
+        let passes = PASSES.iter().map(|pass| (pass.color, pass.name));
+        let colors = passes.chain([(group_color("scale"), "internal resolution")]);
+        let colors: Vec<_> = colors.filter(|(color, _)| used.contains(color)).collect();
         let mut out =
             "<text font-size=\"10\">● method · ◆ reference · ○ method, converged (at the edge) · a setting of:</text>"
                 .to_owned();
         let (mut x, step) = (400.0, ((width - 470.0) / colors.len().max(1) as f64).min(110.0));
-        for (_, color, name) in colors {
+        for (color, name) in colors {
             let _ = write!(
                 out,
                 "<circle cx=\"{x:.1}\" cy=\"-4\" r=\"4\" fill=\"{color}\"/><text x=\"{:.1}\" font-size=\"10\">{name}</text>",

@@ -12,10 +12,8 @@ use super::{
 use crate::{
     Result,
     image_file::{read::read_bytes, write::write_bytes},
-    measure::{
-        bench::PASSES,
-        score::{REGIONS, Scores, TruthKind},
-    },
+    measure::score::{REGIONS, Scores, TruthKind},
+    passes::PASSES,
 };
 use std::{fmt::Write, path::Path};
 
@@ -53,7 +51,7 @@ impl Chart {
         }
         out += "</table><p class=\"legend\"><b>Colours of passes, and of the settings that belong to them:</b> ";
         for pass in PASSES {
-            let _ = write!(out, "<span><i style=\"background:{}\"></i>{pass}</span> ", pass_color(pass));
+            let _ = write!(out, "<span><i style=\"background:{}\"></i>{}</span> ", pass.color, pass.name);
         }
         let _ =
             write!(out, "<span><i style=\"background:{}\"></i>internal resolution</span></p>", group_color("scale"));

@@ -4,11 +4,11 @@ use crate::{
     Error, Result,
     image_file::{read::read_bytes, write::write_bytes},
     measure::{
-        bench::PASSES,
         choice::{Expected, Target},
         clock::{Round, Spread},
         score::{REGIONS, Score, Scores, TruthKind},
     },
+    passes::PASSES,
 };
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
@@ -179,12 +179,12 @@ impl ChartPoint {
     /// GPU milliseconds of each dispatched pass, in frame order. Where the point costs whole pictures, they
     /// are those of the picture.
     pub fn passes(&self) -> Vec<(&'static str, Spread)> {
-        let of = |pass: &&str| {
+        let of = |pass: &str| {
             let each: Vec<Vec<f64>> =
-                self.rounds.iter().filter_map(|round| Some(vec![*round.passes.get(*pass)?])).collect();
+                self.rounds.iter().filter_map(|round| Some(vec![*round.passes.get(pass)?])).collect();
             Spread::of(&each).map(|spread| spread.times(self.frames_paid()))
         };
-        PASSES.iter().filter_map(|pass| Some((*pass, of(pass)?))).collect()
+        PASSES.iter().filter_map(|pass| Some((pass.name, of(pass.name)?))).collect()
     }
 
     /// Computes [`ChartPoint::ms`] from the rounds.

@@ -1,0 +1,63 @@
+// Images and lists of a view (`DECLARED` in passes/view.rs). `in_` is read, `out_` written, `history_` the previous frame's; without any of
+// them both read and written. Layered images hold real surfaces in layer REAL and virtual ones in layer VIRTUAL.
+
+// xyz position (m), w distance from the camera (m; 0: no such surface).
+layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
+layout(set = 0, binding = 31, rgba32f) uniform writeonly image2DArray out_position;
+layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray history_position;
+// xyz shading normal, w roughness (1 for real surfaces).
+layout(set = 0, binding = 33, rgba16f) uniform readonly image2DArray in_normal;
+layout(set = 0, binding = 34, rgba16f) uniform writeonly image2DArray out_normal;
+layout(set = 0, binding = 35, rgba16f) uniform readonly image2DArray history_normal;
+// xy motion to the previous frame in pixels, z distance from the previous camera (m), w object id (0: real).
+layout(set = 0, binding = 36, rgba32f) uniform readonly image2DArray in_motion;
+layout(set = 0, binding = 37, rgba32f) uniform writeonly image2DArray out_motion;
+layout(set = 0, binding = 38, rgba32f) uniform readonly image2DArray history_motion;
+// L_cam; w: 1 where the pixel's centre is real, else 0.
+layout(set = 0, binding = 39, rgba32f) uniform readonly image2D in_camera_radiance;
+layout(set = 0, binding = 40, rgba32f) uniform writeonly image2D out_camera_radiance;
+// Albedo k_V of the Lambert lobe under the GGX lobe; w metallic.
+layout(set = 0, binding = 41, rgba16f) uniform readonly image2D in_albedo_virtual;
+layout(set = 0, binding = 42, rgba16f) uniform writeonly image2D out_albedo_virtual;
+// Radiance that the virtual surface emits.
+layout(set = 0, binding = 43, rgba16f) uniform readonly image2D in_emission;
+layout(set = 0, binding = 44, rgba16f) uniform writeonly image2D out_emission;
+// Instance, triangle, barycentric coordinates (float bits) of the virtual surface.
+layout(set = 0, binding = 45, rgba32ui) uniform readonly uimage2D in_hit;
+layout(set = 0, binding = 46, rgba32ui) uniform writeonly uimage2D out_hit;
+// M, from 0 to 1.
+layout(set = 0, binding = 47, r32f) uniform readonly image2D in_real_coverage;
+layout(set = 0, binding = 48, r32f) uniform writeonly image2D out_real_coverage;
+// The picture: linear radiance, w 1.
+layout(set = 0, binding = 49, rgba32f) uniform writeonly image2D out_radiance;
+// 0 nothing to light, 1 traced, 2 not traced this frame.
+layout(set = 0, binding = 50, r32f) uniform readonly image2DArray in_mask;
+layout(set = 0, binding = 51, r32f) uniform writeonly image2DArray out_mask;
+// This frame's. Real: E_R; virtual: E of the Lambert lobe; w: -1 where nothing is known.
+layout(set = 0, binding = 52, rgba32f) uniform image2DArray irradiance_a;
+layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray in_irradiance_a;
+layout(set = 0, binding = 54, rgba32f) uniform writeonly image2DArray out_irradiance_a;
+// Real: ΔE; virtual: radiance of the GGX lobe; w: distance of the hit (m).
+layout(set = 0, binding = 55, rgba32f) uniform image2DArray irradiance_b;
+layout(set = 0, binding = 56, rgba32f) uniform readonly image2DArray in_irradiance_b;
+layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_irradiance_b;
+// The same, accumulated or filtered; w: variance of the mean's luminance (a: -1 where nothing is known).
+layout(set = 0, binding = 58, rgba32f) uniform readonly image2DArray in_a;
+layout(set = 0, binding = 59, rgba32f) uniform writeonly image2DArray out_a;
+layout(set = 0, binding = 60, rgba32f) uniform readonly image2DArray history_a;
+layout(set = 0, binding = 61, rgba32f) uniform readonly image2DArray in_b;
+layout(set = 0, binding = 62, rgba32f) uniform writeonly image2DArray out_b;
+layout(set = 0, binding = 63, rgba32f) uniform readonly image2DArray history_b;
+// xy second moments of the luminances of a and b, z history length (frames), w distance of the hit (m).
+layout(set = 0, binding = 64, rgba32f) uniform readonly image2DArray in_moments;
+layout(set = 0, binding = 65, rgba32f) uniform writeonly image2DArray out_moments;
+layout(set = 0, binding = 66, rgba32f) uniform readonly image2DArray history_moments;
+// Pixels that are traced.
+layout(set = 0, binding = 67, scalar) readonly buffer ListRead { uint item[]; } in_list;
+layout(set = 0, binding = 68, scalar) writeonly buffer ListWritten { uint item[]; } out_list;
+// Tiles of 8×8 pixels that hold any surface.
+layout(set = 0, binding = 69, scalar) readonly buffer TilesRead { uint item[]; } in_tiles;
+layout(set = 0, binding = 70, scalar) writeonly buffer TilesWritten { uint item[]; } out_tiles;
+// Arguments of dispatches over the lists: see list.glsl.
+layout(set = 0, binding = 71, scalar) readonly buffer ArgumentsRead { uint word[]; } in_arguments;
+layout(set = 0, binding = 72, scalar) buffer ArgumentsWritten { uint word[]; } out_arguments;

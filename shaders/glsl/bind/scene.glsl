@@ -1,0 +1,29 @@
+// The virtual objects (passes/scene.rs). Structs as in scene/packed.rs (scalar layout).
+
+struct TriangleGeometry { vec3 v0; vec3 e1; vec3 e2; };
+struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
+struct Vertex { vec3 normal; vec2 uv; vec4 tangent; };
+struct BvhNode { vec3 min0; uint child0; vec3 max0; uint count0; vec3 min1; uint child1; vec3 max1; uint count1; };
+struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint padding[2]; };
+struct Material {
+    vec3 base_color; float metallic;
+    vec3 emissive; float roughness;
+    vec3 specular_color; float specular;
+    float ior; float normal_scale;
+    uint flags;
+    uint base_color_texture; uint metallic_roughness_texture; uint normal_texture; uint emissive_texture;
+    uint specular_texture; uint specular_color_texture;
+};
+struct Texture { uint offset; uint width; uint height; uint levels; uint wrap_u; uint wrap_v; uint srgb; uint nearest; };
+
+layout(set = 0, binding = 20, scalar) readonly buffer Triangles { TriangleGeometry triangle[]; } in_triangles;
+layout(set = 0, binding = 21, scalar) readonly buffer Shading { TriangleShading triangle[]; } in_shading;
+layout(set = 0, binding = 22, scalar) readonly buffer Vertices { Vertex vertex[]; } in_vertices;
+layout(set = 0, binding = 23, scalar) readonly buffer Nodes { BvhNode node[]; } in_nodes;
+layout(set = 0, binding = 24, scalar) readonly buffer Instances { Instance instance[]; } in_instances;
+layout(set = 0, binding = 25, scalar) readonly buffer TopNodes { BvhNode node[]; } in_top_nodes;
+layout(set = 0, binding = 26, scalar) readonly buffer Materials { Material material[]; } in_materials;
+layout(set = 0, binding = 27, scalar) readonly buffer Textures { Texture entry[]; } in_textures;
+layout(set = 0, binding = 28, scalar) readonly buffer Texels { uint texel[]; } in_texels;
+// Directional albedo of GGX, 32×32 over (cos θ_o, roughness), 0 and 1 included: ρ = F0·x + F90·y. `brdf_table` in passes/brdf.rs.
+layout(set = 0, binding = 29, scalar) readonly buffer Energy { vec2 value[]; } in_energy;
