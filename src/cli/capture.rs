@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    image_file::write::write_bytes,
+    image_file::write::{make_folder, write_bytes},
     reference::capture::{CaptureSettings, capture_sequence, scene_file},
     scene::{CompleteScene, camera::CameraTrack, export::ROOM_FILE, gltf, model::Model, rooms},
 };
@@ -81,10 +81,7 @@ pub fn run(args: &Args) -> Result<()> {
         room.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
     let position = position.unwrap_or(usual);
-    std::fs::create_dir_all(&args.output).map_err(|error| {
-        let problem = format!("cannot be made: {}", error.kind());
-        Error::input(args.output.display(), problem, "give a folder that can be written")
-    })?;
+    make_folder(&args.output)?;
     let scene = args.output.join(SCENE_FILE);
     require_folder(&scene)?;
     let file = match source {

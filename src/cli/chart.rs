@@ -3,10 +3,13 @@
 use super::common::{DeviceArgs, complete, interrupted, open_scene, parse_projection, parse_size};
 use crate::{
     Error, Result,
-    image_file::write::write_bytes,
+    image_file::write::{make_folder, write_bytes},
     measure::{
         self,
-        chart::{ChartInput, ChartOptions, Sweep, markdown, pictures::file_name},
+        chart::{
+            ChartInput, ChartOptions, Sweep, markdown,
+            pictures::{PICTURES, file_name},
+        },
     },
     reference::{cache::Keep, capture::cache_folder},
     scene::rooms,
@@ -71,7 +74,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(document) = &args.markdown {
         markdown::find(document, sweep.name())?;
     }
-    measure::chart::run::make_folder(&args.output)?;
+    make_folder(&args.output.join(PICTURES))?;
     let names = if args.scenes.is_empty() { rooms::NAMES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
     let gpu = args.device.open()?;
     let inputs = names

@@ -3,11 +3,11 @@
 use super::common::{PictureArgs, parse_frames, progress};
 use crate::{
     Error, Result,
-    image_file::write::write_png,
+    image_file::write::{make_folder, write_png},
     measure::regions::{of_model, of_scene},
     settings::Method,
 };
-use std::{fs, path::PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `iprt masks`.
 #[derive(Clone, Debug, clap::Args)]
@@ -43,9 +43,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut picture = args.picture.clone();
     picture.method = Some(Method::Reference.name());
     let options = picture.options(&scene, true)?;
-    fs::create_dir_all(&args.output).map_err(|error| {
-        Error::input(args.output.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
-    })?;
+    make_folder(&args.output)?;
     let known = args.picture.room_known(&scene);
     let by_scene = match args.model.as_deref() {
         None => known,

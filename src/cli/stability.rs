@@ -3,6 +3,7 @@
 use super::common::{DeviceArgs, key_value, progress};
 use crate::{
     Error, Result,
+    image_file::write::make_folder,
     settings::Method,
     stability::{
         METHODS, Suite, cases,
@@ -60,7 +61,7 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let suite = Suite::new(&gpu, args.quick).with(&set)?;
     let bar = progress(args.quiet, (chosen.len() * methods.len()) as u64, "cases");
-    report::make_folder(&args.output)?;
+    make_folder(&args.output)?;
     let (mut rows, mut failed) = (Vec::new(), 0);
     for case in chosen {
         let mut results = Vec::new();

@@ -1,6 +1,7 @@
 //! Image files. PNG, JPEG, Radiance HDR and OpenEXR are read; PNG and OpenEXR are written.
 //!
 //! Files are told apart by their first bytes, not by their names.
+pub mod checked;
 pub mod exr_file;
 pub mod read;
 pub mod srgb;

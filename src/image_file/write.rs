@@ -50,6 +50,27 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically(path, |out| out.write_all(bytes).map_err(|error| write_error(path, &error)))
 }
 
+/// Makes a folder that the user names, and those that it is in, if it does not exist.
+///
+/// # Errors
+/// Fails if the folder cannot be made.
+pub fn make_folder(folder: &Path) -> Result<()> {
+    make(folder, "give a folder that can be written")
+}
+
+/// Makes the folder of a file in the cache, if it does not exist.
+///
+/// # Errors
+/// Fails if the folder cannot be made.
+pub fn make_cache_folder(file: &Path) -> Result<()> {
+    make(file.parent().unwrap_or(Path::new("")), "set IPRT_CACHE to a writable folder")
+}
+
+fn make(folder: &Path, remedy: &str) -> Result<()> {
+    let fail = |error: std::io::Error| format!("cannot be made: {}", error.kind());
+    std::fs::create_dir_all(folder).map_err(|error| Error::input(folder.display(), fail(error), remedy))
+}
+
 fn write_error(path: &Path, error: &impl ToString) -> Error {
     let problem = format!("cannot be written: {}", super::read::one_line(error));
     Error::input(path.display(), problem, "free some space")

@@ -14,7 +14,10 @@ use super::path_trace::{PathSettings, PathTracer, hash_scene};
 use crate::{
     Error, Result,
     gpu::Gpu,
-    image_file::{read::read_bytes, write::write_bytes},
+    image_file::{
+        checked::{read_checked, write_checked},
+        write::make_cache_folder,
+    },
     options::RenderOptions,
     passes::view::ViewData,
     renderer::Renderer,
@@ -29,8 +32,7 @@ use crate::{
 use glam::Vec3;
 use rayon::prelude::*;
 use std::{
-    fs,
-    path::{Path, PathBuf},
+    path::Path,
     sync::atomic::{AtomicBool, Ordering},
 };
 
@@ -302,20 +304,9 @@ fn mean_without_outliers(batches: &[Vec<[f32; 4]>]) -> (Vec<[f32; 4]>, f64) {
 }
 
 fn store(file: &Path, texels: &[[f32; 4]]) -> Result<()> {
-    let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
-    fs::create_dir_all(&folder).map_err(|error| {
-        Error::input(
-            folder.display(),
-            format!("cannot be made: {}", error.kind()),
-            "set IPRT_CACHE to a writable folder",
-        )
-    })?;
+    make_cache_folder(file)?;
     let values: Vec<f32> = texels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
-    let content = bytemuck::cast_slice::<_, u8>(&values);
-    let mut bytes = MAGIC.to_vec();
-    bytes.extend(blake3::hash(content).as_bytes());
-    bytes.extend(content);
-    write_bytes(file, &bytes)
+    write_checked(file, MAGIC, bytemuck::cast_slice(&values))
 }
 
 /// Returns `None` if there is no such batch, or if the file is not as it was written.
@@ -323,20 +314,14 @@ fn load(file: &Path, size: [u32; 2]) -> Option<Vec<[f32; 4]>> {
     if !file.exists() {
         return None;
     }
-    let load = || {
-        let bytes = read_bytes(file).ok()?;
-        let (hash, content) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<32>()?;
-        let whole = content.len() == size[0] as usize * size[1] as usize * 12;
-        (whole && blake3::hash(content) == *hash).then(|| {
-            let value = |bytes: &[u8]| bytemuck::pod_read_unaligned::<f32>(bytes);
-            content.chunks_exact(12).map(|t| [value(&t[..4]), value(&t[4..8]), value(&t[8..]), 1.0]).collect()
-        })
-    };
-    let texels = load();
-    if texels.is_none() {
+    let length = size[0] as usize * size[1] as usize * 12;
+    let content = read_checked(file, MAGIC).ok().flatten().filter(|content| content.len() == length);
+    if content.is_none() {
         tracing::warn!("{}: damaged, it is computed again", file.display());
     }
-    texels
+    let value = |bytes: &[u8]| bytemuck::pod_read_unaligned::<f32>(bytes);
+    let texel = |t: &[u8]| [value(&t[..4]), value(&t[4..8]), value(&t[8..]), 1.0];
+    content.map(|content| content.chunks_exact(12).map(texel).collect())
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use crate::{
     image_file::{
         exr_file::ExrLayer,
         read::{decode, read_bytes},
-        write::{write_bytes, write_exr},
+        write::{make_folder, write_bytes, write_exr},
     },
     panorama::{
         depth::Quantisation,
@@ -22,7 +22,7 @@ use crate::{
 use glam::{Quat, Vec3};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
-    env, fs,
+    env,
     path::{Path, PathBuf},
 };
 
@@ -216,9 +216,7 @@ pub fn scene_file(folder: &Path, room: Option<&Path>, position: Vec3, frames: Op
 /// # Errors
 /// Fails if the folder or a file cannot be written.
 pub fn write(frame: &PanoramaFrame, folder: &Path) -> Result<()> {
-    fs::create_dir_all(folder).map_err(|error| {
-        Error::input(folder.display(), format!("cannot be made: {error}"), "give a folder that can be written")
-    })?;
+    make_folder(folder)?;
     write_frame(frame, &folder.join(COLOR_FILE), &folder.join(DEPTH_FILE))
 }
 

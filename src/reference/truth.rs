@@ -8,7 +8,7 @@ use super::path_trace::{PathSettings, PathTracer};
 use crate::{
     Error, Result,
     gpu::Gpu,
-    image_file::{read::read_bytes, write::write_bytes},
+    image_file::checked::{read_checked, write_checked},
     scene::{
         CompleteScene,
         viewpoint::{Projection, Viewpoint},
@@ -128,10 +128,7 @@ pub fn converge(
 /// Fails if the state cannot be written, or if the device is lost.
 pub fn save(tracer: &PathTracer, path: &Path) -> Result<()> {
     let sums = tracer.save()?;
-    let mut bytes = MAGIC.to_vec();
-    bytes.extend(blake3::hash(&sums).as_bytes());
-    bytes.extend(sums);
-    write_bytes(path, &bytes)
+    write_checked(path, MAGIC, &sums)
 }
 
 /// Goes on from a state, if there is one.
@@ -142,13 +139,11 @@ pub fn resume(tracer: &mut PathTracer, path: &Path) -> Result<()> {
     if !path.exists() {
         return Ok(());
     }
-    let bytes = read_bytes(path)?;
-    let content = bytes.strip_prefix(MAGIC).and_then(|rest| rest.split_first_chunk::<32>());
-    let Some((_, sums)) = content.filter(|(hash, sums)| blake3::hash(sums) == **hash) else {
+    let Some(sums) = read_checked(path, MAGIC)? else {
         let problem = "is damaged, or no state of this program";
         return Err(Error::input(path.display(), problem, "delete it to start anew"));
     };
-    if tracer.restore(sums)? {
+    if tracer.restore(&sums)? {
         return Ok(());
     }
     let problem = "is the state of another scene, of other settings or of another version";

@@ -1,10 +1,14 @@
 //! Writes the report: `stability.json`, a page for people, and the pictures.
 
 use super::{Case, Outcome, metric::shown};
-use crate::{Error, Result, image_file::write::write_bytes, settings::Method};
+use crate::{
+    Error, Result,
+    image_file::write::{make_folder, write_bytes},
+    settings::Method,
+};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Map, Value, json};
-use std::{fmt::Write, fs, path::Path};
+use std::{fmt::Write, path::Path};
 
 /// A case and each method's result.
 pub struct Row {
@@ -96,16 +100,6 @@ fn png(outcome: &Outcome) -> Result<Vec<u8>> {
         .write_image(&codes, size[0], size[1], ExtendedColorType::Rgb8)
         .map_err(|error| Error::Internal(format!("a picture of the report: {error}")))?;
     Ok(bytes)
-}
-
-/// Makes the folder of a report if it does not exist.
-///
-/// # Errors
-/// Fails if the folder cannot be made.
-pub fn make_folder(folder: &Path) -> Result<()> {
-    fs::create_dir_all(folder).map_err(|error| {
-        Error::input(folder.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
-    })
 }
 
 /// Writes `stability.json`, `stability.html` and `CASE_METHOD.png` into a folder, which is made if it does

@@ -4,7 +4,7 @@
 use super::edit::{Editor, Made, Origin};
 use crate::{
     Error, Result,
-    image_file::write::write_bytes,
+    image_file::write::{make_folder, write_bytes},
     scene::{
         animation::Placement,
         camera::CameraTrack,
@@ -57,9 +57,7 @@ pub fn save(editor: &Editor, view: &SavedView, to: &Path, again: bool) -> Result
             }
             let mut export = Export::of(&room);
             if again {
-                std::fs::create_dir_all(to).map_err(|error| {
-                    Error::input(to.display(), error.kind().to_string(), "give a folder that can be written")
-                })?;
+                make_folder(to)?;
             } else {
                 export.prepare(to)?;
             }

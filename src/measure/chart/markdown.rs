@@ -12,7 +12,7 @@ use crate::{
     Error, Result,
     image_file::{
         read::read_bytes,
-        write::{write_bytes, write_png},
+        write::{make_folder, write_bytes, write_png},
     },
     measure::score::{REGIONS, Score, TruthKind},
 };
@@ -30,9 +30,7 @@ impl Chart {
     pub fn write_markdown(&self, folder: &Path, document: &Path, name: &str) -> Result<()> {
         find(document, name)?;
         let images = document.parent().unwrap_or(Path::new("")).join(IMAGES);
-        std::fs::create_dir_all(&images).map_err(|error| {
-            Error::input(images.display(), format!("cannot be made: {}", error.kind()), "give a writable folder")
-        })?;
+        make_folder(&images)?;
         let mut text = self.markdown(|scene| {
             let Some((title, (size, codes))) = self.methods_strip(folder, scene)? else { return Ok(String::new()) };
             let file = format!("{name}-{}.png", file_name(&scene.name));

@@ -9,8 +9,10 @@ use super::{
     prepare::PreparedScene,
     rounds,
 };
-use crate::{Error, Result, gpu::Gpu, measure::choice::store::version, reference::cache::Keep};
-use std::{fs, path::Path};
+use crate::{
+    Error, Result, gpu::Gpu, image_file::write::make_folder, measure::choice::store::version, reference::cache::Keep,
+};
+use std::path::Path;
 
 /// Measures all that is not in `folder` yet. `tick` is called with the work that was done, in units of
 /// [`ChartOptions::work`], and with what comes next.
@@ -66,20 +68,9 @@ pub fn run(
     Ok(chart)
 }
 
-/// Makes the folder of a chart if it does not exist.
-///
-/// # Errors
-/// Fails if the folder cannot be made.
-pub fn make_folder(folder: &Path) -> Result<()> {
-    fs::create_dir_all(folder.join(PICTURES)).map_err(|error| {
-        let problem = format!("cannot be made: {}", error.kind());
-        Error::input(folder.display(), problem, "give a folder that can be written")
-    })
-}
-
 /// Reads the chart in a folder, or makes an empty one.
 fn open(gpu: &Gpu, options: &ChartOptions, folder: &Path) -> Result<Chart> {
-    make_folder(folder)?;
+    make_folder(&folder.join(PICTURES))?;
     let of = Conditions {
         version: version()?,
         device: gpu.device_name().to_owned(),

@@ -5,18 +5,22 @@ use super::Sheet;
 use crate::{
     Error, Result,
     gpu::Gpu,
-    image_file::{read::read_bytes, write::write_bytes},
+    image_file::{
+        checked::{read_checked, write_checked},
+        read::read_bytes,
+        write::make_cache_folder,
+    },
     options::RenderOptions,
     reference::cache::hash_rendered,
     scene::Scene,
     settings::Settings,
 };
 use std::{
-    env, fs,
+    env,
     path::{Path, PathBuf},
 };
 
-/// The first bytes of a file. The hash of the sheets and the sheets follow.
+/// The first line of a file.
 const MAGIC: &[u8] = b"iprt measured points 1\n";
 
 /// The sheets of one view.
@@ -45,12 +49,9 @@ impl Store {
     /// Reads all sheets. A damaged file is reported and ignored.
     pub fn load(&self) -> Vec<Sheet> {
         let Some(file) = self.file.as_deref().filter(|file| file.exists()) else { return Vec::new() };
-        let load = || -> Option<Vec<Sheet>> {
-            let bytes = read_bytes(file).ok()?;
-            let (hash, content) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<32>()?;
-            (blake3::hash(content) == *hash).then(|| serde_json::from_slice(content).ok())?
-        };
-        load().unwrap_or_else(|| {
+        let content = read_checked(file, MAGIC).ok().flatten();
+        let sheets = content.and_then(|content| serde_json::from_slice(&content).ok());
+        sheets.unwrap_or_else(|| {
             tracing::warn!("{}: damaged, its points are measured again", file.display());
             Vec::new()
         })
@@ -70,16 +71,8 @@ impl Store {
 }
 
 fn write(file: &Path, sheets: &[Sheet]) -> Result<()> {
-    let folder = file.parent().unwrap_or(Path::new(""));
-    fs::create_dir_all(folder).map_err(|error| {
-        let problem = format!("cannot be made: {}", error.kind());
-        Error::input(folder.display(), problem, "set IPRT_CACHE to a writable folder")
-    })?;
-    let content = serde_json::to_vec(sheets).map_err(|error| Error::Internal(error.to_string()))?;
-    let mut bytes = MAGIC.to_vec();
-    bytes.extend(blake3::hash(&content).as_bytes());
-    bytes.extend(content);
-    write_bytes(file, &bytes)
+    make_cache_folder(file)?;
+    write_checked(file, MAGIC, &serde_json::to_vec(sheets).map_err(|error| Error::Internal(error.to_string()))?)
 }
 
 /// The settings that the scene or the user gives, and their values.
@@ -102,7 +95,7 @@ pub fn version() -> Result<String> {
 mod tests {
     use super::*;
     use crate::measure::choice::Candidate;
-    use std::collections::BTreeMap;
+    use std::{collections::BTreeMap, fs};
 
     fn sheet(size: [u32; 2], flip: f64) -> Sheet {
         let passes = BTreeMap::from([("gbuffer".to_owned(), 0.1 + flip)]);
