@@ -29,7 +29,7 @@ pub struct Adapter {
 }
 
 /// What an adapter offers, for [`super::Gpu`].
-pub(super) struct Candidate {
+pub(super) struct FoundAdapter {
     pub handle: vk::PhysicalDevice,
     pub adapter: Adapter,
     pub queue_family: u32,
@@ -72,7 +72,7 @@ pub(super) fn no_instance(result: vk::Result) -> Error {
 }
 
 /// Every physical device of `instance`.
-pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
+pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<FoundAdapter>> {
     // SAFETY: `instance` is alive.
     let handles = unsafe { instance.enumerate_physical_devices() }.map_err(no_instance)?;
     // SAFETY: the handles come from `instance`.
@@ -81,7 +81,7 @@ pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
 
 /// # Safety
 /// `handle` belongs to `instance`.
-unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDevice) -> Candidate {
+unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDevice) -> FoundAdapter {
     // SAFETY: `handle` belongs to `instance`; structures for 1.2 and later are chained only where they are known.
     unsafe {
         let plain = instance.get_physical_device_properties(handle);
@@ -133,7 +133,7 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
                 "it has no compute queue".into()
             });
         }
-        Candidate {
+        FoundAdapter {
             handle,
             queue_family: family.unwrap_or(0) as u32,
             timestamp_bits: family.map_or(0, |i| families[i].timestamp_valid_bits),

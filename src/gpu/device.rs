@@ -164,7 +164,7 @@ impl Gpu {
 
 /// What [`open`] makes.
 struct Parts {
-    chosen: adapter::Candidate,
+    chosen: adapter::FoundAdapter,
     device: ash::Device,
     debug: Option<ash::ext::debug_utils::Device>,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,

@@ -10,7 +10,7 @@ use super::{
     encode::{barrier, image_change},
     memory::{Format, Image},
     overlay::{Overlay, Paint},
-    swapchain::{Outcome, PresentMode, Surface, Swapchain, Target, WindowHandles},
+    swapchain::{Attempt, PresentMode, Surface, Swapchain, SwapchainImage, WindowHandles},
 };
 use crate::{Error, Result};
 
@@ -154,10 +154,10 @@ impl Screen {
         let ready = flight.ready;
         let Some(chain) = &mut self.swapchain else { return Ok(Shown::NotNow) };
         let target = match chain.acquire(ready)? {
-            Outcome::Done(target) => target,
-            Outcome::NotReady => return Ok(Shown::NotNow),
-            Outcome::OutOfDate => return self.unusable(false),
-            Outcome::Lost => return self.unusable(true),
+            Attempt::Done(target) => target,
+            Attempt::NotReady => return Ok(Shown::NotNow),
+            Attempt::OutOfDate => return self.unusable(false),
+            Attempt::Lost => return self.unusable(true),
         };
         self.record(turn, target, blits, &paint)?;
         self.submit(turn, target)?;
@@ -165,9 +165,9 @@ impl Screen {
         self.next = (turn + 1) % IN_FLIGHT;
         let Some(chain) = &mut self.swapchain else { return Ok(Shown::NotNow) };
         match chain.present(target)? {
-            Outcome::Done(()) | Outcome::NotReady => Ok(Shown::Yes),
-            Outcome::OutOfDate => self.unusable(false),
-            Outcome::Lost => self.unusable(true),
+            Attempt::Done(()) | Attempt::NotReady => Ok(Shown::Yes),
+            Attempt::OutOfDate => self.unusable(false),
+            Attempt::Lost => self.unusable(true),
         }
     }
 
@@ -213,9 +213,9 @@ impl Screen {
         };
         let surface = self.surface.insert(surface);
         match Swapchain::new(&self.gpu, surface, self.format, self.mode, size, self.swapchain.take())? {
-            Outcome::Done(made) => self.swapchain = Some(made),
-            Outcome::NotReady | Outcome::OutOfDate => return Ok(false),
-            Outcome::Lost => {
+            Attempt::Done(made) => self.swapchain = Some(made),
+            Attempt::NotReady | Attempt::OutOfDate => return Ok(false),
+            Attempt::Lost => {
                 self.surface = None;
                 return Ok(false);
             }
@@ -225,7 +225,7 @@ impl Screen {
         Ok(true)
     }
 
-    fn record(&mut self, turn: usize, target: Target, blits: &[Blit], paint: &Paint) -> Result<()> {
+    fn record(&mut self, turn: usize, target: SwapchainImage, blits: &[Blit], paint: &Paint) -> Result<()> {
         let device = &self.gpu.0.device;
         let flight = &self.frames[turn];
         let commands = flight.commands;
@@ -275,7 +275,7 @@ impl Screen {
         }
     }
 
-    fn submit(&self, turn: usize, target: Target) -> Result<()> {
+    fn submit(&self, turn: usize, target: SwapchainImage) -> Result<()> {
         let shared = &self.gpu.0;
         let flight = &self.frames[turn];
         let everything = vk::PipelineStageFlags2::ALL_COMMANDS;

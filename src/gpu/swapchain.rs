@@ -112,7 +112,7 @@ impl Drop for Surface {
 
 /// One of a window's images, to be drawn to.
 #[derive(Clone, Copy)]
-pub(super) struct Target {
+pub(super) struct SwapchainImage {
     pub index: u32,
     pub image: vk::Image,
     pub view: vk::ImageView,
@@ -122,7 +122,7 @@ pub(super) struct Target {
 }
 
 /// What an attempt to get or show an image came to.
-pub(super) enum Outcome<T> {
+pub(super) enum Attempt<T> {
     Done(T),
     /// The window has changed: make another swapchain.
     OutOfDate,
@@ -138,7 +138,7 @@ pub(super) struct Swapchain {
     functions: ash::khr::swapchain::Device,
     handle: vk::SwapchainKHR,
     pub extent: vk::Extent2D,
-    targets: Vec<Target>,
+    targets: Vec<SwapchainImage>,
     /// Still usable, but no longer what the window would have.
     pub suboptimal: bool,
 }
@@ -155,7 +155,7 @@ impl Swapchain {
         mode: PresentMode,
         wanted: [u32; 2],
         old: Option<Self>,
-    ) -> Result<Outcome<Self>> {
+    ) -> Result<Attempt<Self>> {
         let shared = &gpu.0;
         if old.is_some() {
             // What presents from the old one cannot be waited for otherwise; this is once a resize, not once a frame.
@@ -179,7 +179,7 @@ impl Swapchain {
             offered.current_extent
         };
         if extent.width == 0 || extent.height == 0 || wanted.contains(&0) {
-            return Ok(Outcome::NotReady);
+            return Ok(Attempt::NotReady);
         }
         let most = if offered.max_image_count == 0 { u32::MAX } else { offered.max_image_count };
         let opaque = offered.supported_composite_alpha.contains(vk::CompositeAlphaFlagsKHR::OPAQUE);
@@ -210,7 +210,7 @@ impl Swapchain {
         drop(old);
         let mut made = Self { gpu: gpu.clone(), functions, handle, extent, targets: Vec::new(), suboptimal: false };
         made.targets(format.format)?;
-        Ok(Outcome::Done(made))
+        Ok(Attempt::Done(made))
     }
 
     fn targets(&mut self, format: vk::Format) -> Result<()> {
@@ -236,26 +236,26 @@ impl Swapchain {
                 })?;
                 shared.label(image, "window");
                 shared.label(finished, "drawing has finished");
-                self.targets.push(Target { index, image, view, finished, extent: self.extent });
+                self.targets.push(SwapchainImage { index, image, view, finished, extent: self.extent });
             }
         }
         Ok(())
     }
 
     /// The next image; `ready` is signalled when it may be drawn to.
-    pub fn acquire(&mut self, ready: vk::Semaphore) -> Result<Outcome<Target>> {
+    pub fn acquire(&mut self, ready: vk::Semaphore) -> Result<Attempt<SwapchainImage>> {
         // SAFETY: the semaphore is unsignalled and nothing waits for it.
         match unsafe { self.functions.acquire_next_image(self.handle, ACQUIRE_NS, ready, vk::Fence::null()) } {
             Ok((index, suboptimal)) => {
                 self.suboptimal |= suboptimal;
-                Ok(Outcome::Done(self.targets[index as usize]))
+                Ok(Attempt::Done(self.targets[index as usize]))
             }
             Err(result) => unusable(result, "vkAcquireNextImageKHR"),
         }
     }
 
     /// Shows it once drawing has finished.
-    pub fn present(&mut self, target: Target) -> Result<Outcome<()>> {
+    pub fn present(&mut self, target: SwapchainImage) -> Result<Attempt<()>> {
         let (swapchains, indices, wait) = ([self.handle], [target.index], [target.finished]);
         let info = vk::PresentInfoKHR::default().swapchains(&swapchains).image_indices(&indices).wait_semaphores(&wait);
         let queue = self.gpu.0.queue();
@@ -263,18 +263,18 @@ impl Swapchain {
         match unsafe { self.functions.queue_present(*queue, &info) } {
             Ok(suboptimal) => {
                 self.suboptimal |= suboptimal;
-                Ok(Outcome::Done(()))
+                Ok(Attempt::Done(()))
             }
             Err(result) => unusable(result, "vkQueuePresentKHR"),
         }
     }
 }
 
-fn unusable<T>(result: vk::Result, call: &str) -> Result<Outcome<T>> {
+fn unusable<T>(result: vk::Result, call: &str) -> Result<Attempt<T>> {
     match result {
-        vk::Result::ERROR_OUT_OF_DATE_KHR => Ok(Outcome::OutOfDate),
-        vk::Result::ERROR_SURFACE_LOST_KHR | vk::Result::ERROR_NATIVE_WINDOW_IN_USE_KHR => Ok(Outcome::Lost),
-        vk::Result::NOT_READY | vk::Result::TIMEOUT => Ok(Outcome::NotReady),
+        vk::Result::ERROR_OUT_OF_DATE_KHR => Ok(Attempt::OutOfDate),
+        vk::Result::ERROR_SURFACE_LOST_KHR | vk::Result::ERROR_NATIVE_WINDOW_IN_USE_KHR => Ok(Attempt::Lost),
+        vk::Result::NOT_READY | vk::Result::TIMEOUT => Ok(Attempt::NotReady),
         result => Err(during(call)(result)),
     }
 }

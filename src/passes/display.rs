@@ -9,7 +9,7 @@ use crate::{
 
 /// What the numbers of an image mean, and so how they are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
+pub enum Meaning {
     /// sRGB of exposure times the value.
     Radiance,
     /// A unit vector.
@@ -32,7 +32,7 @@ pub enum Look {
     Difference,
 }
 
-impl Look {
+impl Meaning {
     /// That of an AOV, from its name.
     pub fn of(aov: &str) -> Self {
         let stem = aov.strip_suffix("_real").or(aov.strip_suffix("_virtual")).unwrap_or(aov);
@@ -72,7 +72,7 @@ impl Look {
     }
 }
 
-impl Look {
+impl Meaning {
     /// What the two ends of its scale stand for, where numbers are shown as colours on one.
     pub const fn scale(self) -> Option<[&'static str; 2]> {
         match self {
@@ -118,7 +118,7 @@ pub struct Input<'a> {
     /// The one channel that counts.
     pub channel: Option<usize>,
     /// What the numbers mean.
-    pub look: Look,
+    pub look: Meaning,
     /// Factor on radiance.
     pub exposure: f32,
     /// `inverse_tonemap` of the panorama, and its exposure: what was raised comes down again.
@@ -152,12 +152,12 @@ impl Display {
     /// Records the dispatch.
     pub fn record(&self, frame: &mut Frame, input: &Input, picture: &Image) -> Result<()> {
         let [floats, codes] = &self.nothing;
-        let is_code = input.look == Look::Code;
+        let is_code = input.look == Meaning::Code;
         let push = Push {
             size: picture.size(),
             look: input.look as u32,
             layer: input.layer,
-            plus: u32::from(input.look != Look::Difference && input.other.is_some()),
+            plus: u32::from(input.look != Meaning::Difference && input.other.is_some()),
             channel: input.channel.map_or(-1, |channel| channel as i32),
             exposure: input.exposure,
             raised: input.raised[0],

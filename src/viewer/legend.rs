@@ -1,7 +1,7 @@
 //! Explains the colours of the picture, over the picture.
 
 use super::{session::Session, state::Compare};
-use crate::passes::display::Look;
+use crate::passes::display::Meaning;
 use egui::{Align2, Color32, FontId, Mesh, Pos2, Rect, Shape, pos2, vec2};
 
 /// Width of the text and of the scale, points.
@@ -14,8 +14,8 @@ pub fn show(session: &Session, painter: &egui::Painter, rect: Rect) {
         return;
     }
     let (name, look) = match session.compare {
-        Compare::Difference => ("A − B", Look::Difference),
-        _ => (session.aov.as_str(), Look::of(&session.aov)),
+        Compare::Difference => ("A − B", Meaning::Difference),
+        _ => (session.aov.as_str(), Meaning::of(&session.aov)),
     };
     let mut text = match (session.compare, name) {
         (Compare::Single | Compare::Split, "radiance") => String::new(),
@@ -45,7 +45,7 @@ pub fn show(session: &Session, painter: &egui::Painter, rect: Rect) {
     }
 }
 
-fn bar_of(look: Look, bar: Rect) -> Mesh {
+fn bar_of(look: Meaning, bar: Rect) -> Mesh {
     const STEPS: u32 = 32;
     let mut mesh = Mesh::default();
     for k in 0..=STEPS {

@@ -9,7 +9,7 @@ use super::{
     state::{Compare, RenderedPicture, Side},
     timings_panel,
 };
-use crate::{gpu::PresentMode, passes::display::Look, scene::shapes::Shape, settings::Method};
+use crate::{gpu::PresentMode, passes::display::Meaning, scene::shapes::Shape, settings::Method};
 use egui::{Align2, Color32, RichText, Ui};
 use glam::{EulerRot, Quat, Vec3};
 use std::{path::PathBuf, time::Duration};
@@ -120,7 +120,7 @@ fn compare(session: &mut Session, ui: &mut Ui) {
         }
     });
     if session.compare == Compare::Difference {
-        ui.weak(Look::Difference.legend());
+        ui.weak(Meaning::Difference.legend());
     }
 }
 
@@ -134,7 +134,7 @@ fn image(session: &mut Session, ui: &mut Ui) {
             }
         },
     );
-    ui.add(egui::Label::new(RichText::new(Look::of(&session.aov).legend()).weak()).wrap());
+    ui.add(egui::Label::new(RichText::new(Meaning::of(&session.aov).legend()).weak()).wrap());
     ui.horizontal(|ui| {
         let drag = egui::DragValue::new(&mut session.exposure).speed(0.01).range(1e-3..=1e3);
         ui.label("exposure");

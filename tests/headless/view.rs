@@ -3,7 +3,7 @@
 use crate::folder::Folder;
 use glam::Vec3;
 use iprt::{
-    passes::display::Look,
+    passes::display::Meaning,
     scene::{gltf::export::to_glb, material::Material, model::Model, shapes::Shape},
 };
 use serde_json::Value;
@@ -314,7 +314,7 @@ fn the_screen_and_a_screenshot_are_what_render_gives() {
     folder.write("seen", "");
     // most of the picture is nearly the same by B: dark blue, by the legend
     until("the difference on the screen", || {
-        let none = Look::Difference.color(0.0).map(|c| (255.0 * c).round() as u8);
+        let none = Meaning::Difference.color(0.0).map(|c| (255.0 * c).round() as u8);
         let blue = |pixel: &&image::Rgb<u8>| pixel.0.iter().zip(none).all(|(a, b)| a.abs_diff(b) <= 8);
         display.screen([160, 60]).pixels().filter(blue).count() > 160 * 60 / 2
     });
