@@ -1,34 +1,36 @@
 //! `iprt`: virtual objects in 360° RGBD video, lit by the video itself.
 //!
-//! A panorama with depth is a scene of diffuse emitters at known places. Rays traced against it and against the virtual
-//! objects give light, shadows and reflections to both, after *Interactive Panoramic Ray Tracing for Mixed 360° RGBD Videos*
-//! (Wu, Wang, Ke; VRW 2023). What each pass computes, its images, units and settings are in `docs/pipeline.md`; where it fails is
-//! in `docs/limits.md`.
+//! A panorama with depth is a scene of diffuse emitters at known places. Rays are traced against it and against
+//! the virtual objects, and give light, shadows and reflections to both. The method follows *Interactive
+//! Panoramic Ray Tracing for Mixed 360° RGBD Videos* (Wu, Wang, Ke; VRW 2023). `docs/pipeline.md` says what each
+//! pass computes, with its images, units and settings. `docs/limits.md` says where it fails.
 //!
 //! # The house
 //!
-//! From the ground up; a module uses those above it in this list (image files alone take the sRGB curve from [`scene::mips`]).
+//! The list goes from the ground up. A module uses those above it.
 //!
-//! * [`error`]: [`Error`], one type: what failed, on which file or object, and the remedy.
-//! * [`gpu`]: Vulkan and nothing else. A [`gpu::Gpu`] hands out buffers, images and passes; a [`gpu::Frame`] records
-//!   dispatches and barriers, refuses to run where a barrier is missing, and times each dispatch.
-//! * [`image_file`]: PNG, JPEG, HDR and EXR in; PNG and EXR out, never by halves.
-//! * [`panorama`]: the video's frames as linear radiance and metres ([`panorama::source`], [`panorama::depth`]) and the
-//!   equirectangular [`panorama::mapping`].
+//! * [`error`]: [`Error`] says what failed, on which file or object, and the remedy.
+//! * [`gpu`] knows Vulkan and nothing else. A [`gpu::Gpu`] hands out buffers, images and passes. A [`gpu::Frame`]
+//!   records dispatches and barriers, refuses to run if a barrier is missing, and times each dispatch.
+//! * [`image_file`] reads PNG, JPEG, HDR and EXR, and writes PNG and EXR, never by halves.
+//! * [`panorama`]: the video's frames as linear radiance and metres ([`panorama::source`], [`panorama::depth`]), and
+//!   the equirectangular [`panorama::mapping`].
 //! * [`scene`]: the scene file, glTF objects, materials, BVH, camera, key frames, built-in [`scene::rooms`]. A
 //!   [`scene::Scene`] gives its state at any time.
-//! * [`settings`]: every approximation as a named value; a [`settings::Method`] is a preset of them.
+//! * [`settings`]: every approximation is a named value. A [`settings::Method`] is a preset of them.
 //! * [`options`]: what to render, and how.
 //! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
-//! * [`passes`]: one file a pass, and a table of them. Each runs on a [`passes::view::View`], the images and history of one picture, and finds what
-//!   it binds by GLSL name ([`passes::resources`]).
-//! * [`plan`]: which parts of the model a scene needs, from a table of them. What is left out is not dispatched, compiled in or allocated.
-//! * [`renderer`]: the frame, as far as the plan has it.
-//! * [`mod@reference`]: scene truth by path tracing, the panoramas of the built-in rooms made with it, and truths that are kept.
-//! * [`measure`]: pass times, errors by region against both truths, the [`measure::chart`] of speed against accuracy, and the
-//!   [`measure::choice`] of settings for a target from such points.
-//! * [`stability`]: where such methods fail: cases, each with its truth.
-//! * [`output`]: a renderer's picture as a file.
+//! * [`passes`]: one file a pass, and a table of them. Each runs on a [`passes::view::View`], the images and history
+//!   of one picture, and finds what it binds by GLSL name ([`passes::resources`]).
+//! * [`plan`] decides from a table which parts of the model a scene needs. The others are not dispatched, compiled
+//!   in or allocated.
+//! * [`renderer`] records the frame, as far as the plan has it.
+//! * [`mod@reference`]: scene truth by path tracing, the panoramas of the built-in rooms made with it, and a cache
+//!   of truths.
+//! * [`measure`]: pass times, errors by region against both truths, the [`measure::chart`] of speed against accuracy,
+//!   and the [`measure::choice`] of settings for a target from such points.
+//! * [`stability`]: cases in which such methods fail, each with its truth.
+//! * [`output`] writes a renderer's picture as a file.
 //! * [`viewer`]: the window.
 //! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
 //!
@@ -39,8 +41,8 @@
 //! 1. Per new video frame, from the panorama alone: [`passes::radiance_pyramid`], [`passes::normals`],
 //!    [`passes::depth_pyramid`], [`passes::light_table`].
 //! 2. *relight*: the passes of 3 on a coarse panoramic view, so that rays see real surfaces as the objects leave them.
-//! 3. [`passes::gbuffer`], [`passes::sampling_mask`], [`passes::irradiance`], [`passes::interpolate`], [`passes::temporal`],
-//!    [`passes::atrous`].
+//! 3. [`passes::gbuffer`], [`passes::sampling_mask`], [`passes::irradiance`], [`passes::interpolate`],
+//!    [`passes::temporal`], [`passes::atrous`].
 //! 4. [`passes::composite`].
 //!
 //! Any image of it can be read back by name: [`renderer::Renderer::aov`].
@@ -71,16 +73,20 @@
 //!
 //! # Adding a pass
 //!
-//! 1. `shaders/glsl/NAME.comp`: its head says inputs, outputs, units and the equation. What others bind too is in `bind/*.glsl`.
-//!    It becomes `shaders::NAME`.
-//! 2. `src/passes/NAME.rs`: a [`passes::resources::Kernel`] and a `record` of a few lines. What it binds, how and in which format comes from
-//!    the shader, and names find it; push constants are a `gpu_struct!`, specialization constants go by name.
-//! 3. New images: those of a picture in `DECLARED` of [`passes::view`], those of a video frame in [`passes::panorama::Panorama::new`].
-//! 4. A row of [`passes::PASSES`]; where a scene can do without it, a row in [`plan::part`] and a criterion in `Plan::needed`.
-//! 5. A field of [`renderer::Renderer`], a line in its frame, and a [`gpu::Frame::barrier`] that says what it separates.
-//! 6. Its settings in [`settings`], its section in `docs/pipeline.md`; `make docs` writes the tables.
+//! 1. Write `shaders/glsl/NAME.comp`, which becomes `shaders::NAME`. Its head says inputs, outputs, units and the
+//!    equation. Bindings that other passes share are in `bind/*.glsl`.
+//! 2. Write `src/passes/NAME.rs`: a [`passes::resources::Kernel`] and a `record` of a few lines. The shader says what
+//!    is bound, how and in which format, and names find it. Push constants are a `gpu_struct!`, and specialization
+//!    constants go by name.
+//! 3. Declare new images: those of a picture in `DECLARED` of [`passes::view`], those of a video frame in
+//!    [`passes::panorama::Panorama::new`].
+//! 4. Add a row to [`passes::PASSES`]. If a scene can do without the pass, add a row to [`plan::part`] and a criterion
+//!    to `Plan::needed`.
+//! 5. Add a field to [`renderer::Renderer`], a line to its frame, and a [`gpu::Frame::barrier`] that says what it
+//!    separates.
+//! 6. Add its settings to [`settings`] and a section to `docs/pipeline.md`. `make docs` writes the tables.
 //!
-//! `tests/headless/adding.rs` adds one so.
+//! `tests/headless/adding.rs` adds a pass by these steps.
 
 pub mod cli;
 pub mod error;
