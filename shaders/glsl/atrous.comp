@@ -1,11 +1,12 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 5, atrous: one level of an edge-avoiding 5×5 B3-spline filter with steps 1, 2, 4, 8, 16 (Dammertz et al. 2010; the
-// fifth level spans 65×65), guided by plane distance, normal, object id and, as SVGF (Schied et al. 2017, eq. 3–5), by luminance against
-// the standard deviation of the accumulated mean. E_R and ΔE share one set of weights, taken from ΔE; the Lambert and the GGX lobe
-// of virtual surfaces have their own, the GGX lobe's radius shrinking with roughness.
-// In: tiles, a, b (w: variance), or irradiance_a, _b where the paper's order puts this before temporal; position, normal, motion.w (id),
-// moments. Out: a, b.
+// Pass 5, atrous: one level of an edge-avoiding 5×5 B3-spline filter with steps 1, 2, 4, 8, 16 (Dammertz et
+// al. 2010). The fifth level spans 65×65. Plane distance, normal and object id guide it. So does luminance
+// against the standard deviation of the accumulated mean, as in SVGF (Schied et al. 2017, eq. 3–5). E_R and
+// ΔE share one set of weights, taken from ΔE. The Lambert and the GGX lobe of virtual surfaces have their
+// own, and the GGX lobe's radius shrinks with roughness.
+// In: tiles, a, b (w: variance), or irradiance_a, _b if the paper's order puts this before temporal;
+// position, normal, motion.w (id), moments. Out: a, b.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -34,12 +35,13 @@ void main() {
     vec4 position = imageLoad(in_position, ivec3(p, layer)), normal = imageLoad(in_normal, ivec3(p, layer));
     float id = imageLoad(in_motion, ivec3(p, layer)).w;
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
-    // A short history has no variance of its own: the first level then ignores luminance and measures the variance.
+    // A short history has no variance of its own: the first level then ignores luminance and measures the
+    // variance.
     bool young = push.step_size == 1 && (push.raw != 0u || imageLoad(in_moments, ivec3(p, layer)).z < 12.0);
     bool known = a.w >= 0.0;
     bool measure = young || !known;
 
-    // the centre's variance, smoothed over 3×3, as SVGF does
+    // This is the centre's variance, smoothed over 3×3 as in SVGF.
     vec2 variance = vec2(0.0);
     float variance_total = 0.0;
     for (int y = -1; y <= 1; y++) {
@@ -56,11 +58,12 @@ void main() {
     variance /= max(variance_total, 1e-6);
     vec2 inverse = measure || push.sigma_luminance >= FAR || FAULT == FAULT_FILTER_BLIND ? vec2(0.0) : 1.0 / (push.sigma_luminance * sqrt(variance) + 1e-6);
 
-    // a mirror is not filtered at all; the lobe of roughness ½ over the whole kernel
+    // A mirror is not filtered at all, and the lobe of roughness ½ over the whole kernel.
     float lobe = layer == VIRTUAL ? 64.0 * normal.w * normal.w : 1e6;
     float pixel = position.w * pixel_angle();
     vec3 sum_a = vec3(0.0), sum_b = vec3(0.0);
-    // A pixel with no neighbour on its surface (noise in depth, a sliver) takes its neighbours' light whatever their surface.
+    // A pixel with no neighbour on its surface (noise in depth, a sliver) takes its neighbours' light
+    // whatever their surface.
     vec3 loose_a = vec3(0.0), loose_b = vec3(0.0);
     float loose_total = 0.0, geometry_total = 0.0;
     vec2 total = vec2(0.0), variance_sum = vec2(0.0), first = vec2(0.0), second = vec2(0.0);

@@ -1,6 +1,6 @@
-// glTF 2.0 metallic–roughness: a Lambert lobe under a GGX lobe (α = roughness²), height-correlated Smith, Schlick.
-// Energy: the GGX lobe is scaled by 1 + F0 (1/E − 1) (Turquin 2019) to make up for the missing multiple scattering;
-// the Lambert lobe gets what the GGX lobe leaves, 1 − ρ(μ_o).
+// glTF 2.0 metallic–roughness: a Lambert lobe under a GGX lobe (α = roughness²), height-correlated Smith,
+// Schlick. The GGX lobe is scaled by 1 + F0 (1/E − 1) (Turquin 2019) to make up for the missing multiple
+// scattering. The Lambert lobe gets what the GGX lobe leaves, 1 − ρ(μ_o).
 
 const int ENERGY_SIZE = 32;
 
@@ -51,7 +51,8 @@ vec3 brdf_fresnel(Surface s, float cosine) {
 // Below this α the lobe is a mirror.
 const float MIRROR_ALPHA = 1e-3;
 
-// The GGX lobe for a pair of directions: f·cos θ_i, and the density by which brdf_sample_specular draws `d`. Zero for a mirror.
+// Returns the GGX lobe for a pair of directions, f·cos θ_i, and the density with which brdf_sample_specular
+// draws `d`. It is zero for a mirror.
 vec3 brdf_specular(Surface s, Lobes l, vec3 to_eye, vec3 d, out float density) {
     float alpha = s.roughness * s.roughness;
     density = 0.0;
@@ -67,7 +68,8 @@ vec3 brdf_specular(Surface s, Lobes l, vec3 to_eye, vec3 d, out float density) {
     return brdf_fresnel(s, oh) * l.scale * (distribution / (4.0 * no * (1.0 + lo + li)));
 }
 
-// A direction of the GGX lobe by visible normals (Dupuy and Benyoub 2023). A mirror's weight f·cos/p is `mirror`.
+// Draws a direction of the GGX lobe by visible normals (Dupuy and Benyoub 2023). A mirror's weight f·cos/p is
+// `mirror`.
 vec3 brdf_sample_specular(Surface s, Lobes l, vec3 to_eye, vec2 u, out vec3 mirror) {
     float alpha = s.roughness * s.roughness;
     mat3 frame = basis(s.normal);

@@ -1,5 +1,5 @@
-// What every pass shares: the view, random numbers, small maths.
-// All positions are in metres relative to the panorama's centre, axes as the world's.
+// What every pass shares: the view, random numbers, small maths. All positions are in metres relative to the
+// panorama's centre, along the world's axes.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
 
@@ -9,11 +9,12 @@ const float FAR = 1e30;
 const uint PERSPECTIVE = 0u;
 const uint EQUIRECT = 1u;
 
-// The two surfaces a pixel may hold, and the layer of each in array images.
+// The two surfaces that a pixel may hold, and the layer of each in array images.
 const int REAL = 0;
 const int VIRTUAL = 1;
 
-// A deliberate fault, by which the stability suite proves that its cases can fail: `Fault` in passes/fault.rs. 0: none.
+// A deliberate fault, by which the stability suite proves that its cases can fail: `Fault` in
+// passes/fault.rs. 0: none.
 layout(constant_id = 8) const uint FAULT = 0u;
 const uint FAULT_NO_WRAP = 1u;
 const uint FAULT_NO_POLES = 2u;
@@ -62,8 +63,9 @@ vec2 random_next2(inout Random random) {
 
 float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
 
-// An orthonormal basis around a unit vector (Duff et al. 2017, "Building an Orthonormal Basis, Revisited"). It turns over not at
-// z = 0, where floors and walls are, so that the last bit of a normal, which drivers differ in, does not turn all their rays.
+// Makes an orthonormal basis around a unit vector (Duff et al. 2017, "Building an Orthonormal Basis,
+// Revisited"). The branch is not at z = 0, where floors and walls are. Otherwise the last bit of a normal, in
+// which drivers differ, would turn all their rays.
 mat3 basis(vec3 n) {
     float s = n.z >= -0.347 ? 1.0 : -1.0;
     float a = -1.0 / (s + n.z);
@@ -71,7 +73,8 @@ mat3 basis(vec3 n) {
     return mat3(vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
 }
 
-// atan(y, x) to a few ulp on every driver: Vulkan allows its own 4096 ulp, a quarter of a panorama texel.
+// Computes atan(y, x) to a few ulp on every driver. Vulkan allows its own 4096 ulp, a quarter of a panorama
+// texel.
 float arctangent(float y, float x) {
     float ax = abs(x), ay = abs(y);
     float big = max(ax, ay), small = min(ax, ay);
@@ -87,7 +90,8 @@ float arctangent(float y, float x) {
     return y < 0.0 ? -a : a;
 }
 
-// (cos, sin) of an angle in turns, to 2e-7 on every driver: Vulkan allows its own sine 2^-11.
+// Computes (cos, sin) of an angle in turns to 2e-7 on every driver. Vulkan allows its own sine an error of
+// 2^-11.
 vec2 circle(float turns) {
     float quarter = floor(4.0 * turns + 0.5);
     float x = (turns - 0.25 * quarter) * (2.0 * PI), z = x * x;
@@ -98,15 +102,15 @@ vec2 circle(float turns) {
     return q >= 2 ? -c : c;
 }
 
-// Cosine-weighted direction about n; density cos/π.
+// Draws a cosine-weighted direction about n; its density is cos/π.
 vec3 sample_cosine(vec3 n, vec2 u) {
     return normalize(basis(n) * vec3(sqrt(u.x) * circle(u.y), sqrt(max(0.0, 1.0 - u.x))));
 }
 
-// Rounded to what a 16-bit float holds exactly for values up to 1: drivers round differently on storing.
+// Rounds to what a 16-bit float holds exactly, for values up to 1. Drivers round differently on storing.
 vec3 to_half(vec3 v) { return floor(v * 2048.0 + 0.5) * (1.0 / 2048.0); }
 
-// A texel of a periodic map: columns wrap, rows beyond a pole continue on the opposite meridian.
+// Finds a texel of a periodic map: columns wrap, and rows beyond a pole continue on the opposite meridian.
 ivec2 wrap_texel(ivec2 p, ivec2 size) {
     if (p.y < 0) { p.y = -1 - p.y; p.x += size.x / 2; }
     if (p.y >= size.y) { p.y = 2 * size.y - 1 - p.y; p.x += size.x / 2; }
@@ -117,7 +121,7 @@ ivec2 wrap_texel(ivec2 p, ivec2 size) {
     return p;
 }
 
-// A neighbouring pixel of this view, if it has one: an equirect view wraps, a perspective one ends.
+// Finds a neighbouring pixel of this view, if there is one. An equirect view wraps, a perspective one ends.
 bool neighbour(inout ivec2 p) {
     ivec2 size = ivec2(in_view.view.size);
     if (in_view.view.projection == EQUIRECT) { p = wrap_texel(p, size); return true; }
@@ -126,7 +130,7 @@ bool neighbour(inout ivec2 p) {
 
 // --- camera ---
 
-// Unit direction through a point of the image, in pixels (centres at +½).
+// Returns the unit direction through a point of the image, in pixels (centres are at +½).
 vec3 view_direction(vec2 pixel) {
     View v = in_view.view;
     vec2 s = pixel / vec2(v.size);
@@ -138,7 +142,8 @@ vec3 view_direction(vec2 pixel) {
     return normalize(v.forward + v.right * ndc.x + v.up * ndc.y);
 }
 
-// Where a point was in the image of the previous frame, in pixels; z is its distance, negative behind the camera.
+// Returns where a point was in the image of the previous frame, in pixels. z is its distance, negative behind
+// the camera.
 vec3 project_previous(vec3 point) {
     View v = in_view.view;
     vec3 d = point - v.previous_position;
@@ -153,7 +158,7 @@ vec3 project_previous(vec3 point) {
     return vec3(vec2(0.5 + 0.5 * ndc.x, 0.5 - 0.5 * ndc.y) * vec2(v.size), distance);
 }
 
-// Angle one pixel spans, radians.
+// Returns the angle in radians that one pixel spans.
 float pixel_angle() {
     return in_view.view.projection == EQUIRECT ? PI / float(in_view.view.size.y)
                                                : 2.0 * in_view.view.tan_half.y / float(in_view.view.size.y);

@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Per video frame, depth_pyramid: one level of the boxes that rays walk (see pyramid.glsl), around the triangles of the surface.
-// Triangles with a hole are left out. Skirts are bounded as far as they can be hit; what lies beyond, their far sides, by nodes of its own, where
-// asked for.
+// Per video frame, depth_pyramid: one level of the boxes that rays walk (pyramid.glsl), around the triangles
+// of the surface. Triangles with a hole are left out. Skirts are bounded as far as they can be hit. If it is
+// asked for, nodes of their own bound what lies beyond, the far sides.
 // In: depth, angles. In/out: pyramid.
 #include "common.glsl"
 #include "panorama.glsl"
@@ -18,7 +18,8 @@ void include(inout Box box, vec3 p) {
     box.hi = max(box.hi, p);
 }
 
-// The part of an edge within `reach` of the centre, or the parts beyond it. Where both ends are beyond, its middle may be within.
+// Returns the part of an edge within `reach` of the centre, or the parts beyond it. If both ends are beyond,
+// its middle may be within.
 void include_edge(inout Box box, vec3 a, vec3 b, float reach) {
     vec3 e = b - a;
     float ee = max(dot(e, e), 1e-30), ae = dot(a, e), inside = ae * ae - ee * (dot(a, a) - reach * reach);
@@ -33,14 +34,15 @@ void include_edge(inout Box box, vec3 a, vec3 b, float reach) {
     }
 }
 
-// The part of a skirt that can be hit, or the part beyond.
+// Returns the part of a skirt that can be hit, or the part beyond.
 void include_skirt(inout Box box, vec3 a, vec3 b, vec3 c, float reach) {
     Box part = Box(vec3(FAR), vec3(-FAR));
     include_edge(part, a, b, reach);
     include_edge(part, b, c, reach);
     include_edge(part, c, a, reach);
     if (part.lo.x > part.hi.x) return;
-    // between two edges the sphere of radius `reach` bulges past the chord, by at most this; the far part it only cuts into
+    // Between two edges the sphere of radius `reach` bulges past the chord by at most this. It only cuts into
+    // the far part.
     vec2 texel = PI * vec2(2.0, 1.0) / vec2(in_view.view.depth_size);
     float pad = reach * (1e-5 + (push.far_sides == 0u ? 0.125 * dot(texel, texel) : 0.0));
     box.lo = min(box.lo, part.lo - pad);
@@ -55,8 +57,8 @@ vec4 vertex(ivec2 p) {
     return vec4(vertex_direction(p.x, p.y - 1) * depth, depth);
 }
 
-// Smallest and largest depth of a triangle, and how far from the centre it can be hit: a skirt only within `thickness` behind its nearest
-// depth, or it would be a spike across the room.
+// Returns the smallest and largest depth of a triangle, and how far from the centre it can be hit. A skirt
+// can be hit only within `thickness` behind its nearest depth; otherwise it would be a spike across the room.
 vec3 triangle_range(float a, float b, float c) {
     float near = min(a, min(b, c)), far = max(a, max(b, c));
     return vec3(near, far, far > near * (1.0 + in_view.view.edge_ratio) ? near + in_view.view.thickness : FAR);
@@ -79,7 +81,7 @@ Box leaf_box(ivec2 leaf) {
             include(box, c.xyz);
         }
     }
-    // few leaves have any: a loop that most leave at once
+    // Few leaves have any, so most leave this loop at once.
     while (skirts != 0u) {
         int k = findLSB(skirts);
         skirts &= skirts - 1u;
@@ -87,13 +89,13 @@ Box leaf_box(ivec2 leaf) {
         vec4 a = vertex(corner), b = vertex(corner + ivec2(k & 1, 1)), c = vertex(corner + ivec2(1, 1 - (k & 1)));
         include_skirt(box, a.xyz, b.xyz, c.xyz, triangle_range(a.w, b.w, c.w).z);
     }
-    // rays round
+    // Rays round their numbers, too.
     vec3 largest = max(abs(box.lo), abs(box.hi));
     float pad = 4e-6 * max(largest.x, max(largest.y, largest.z));
     return box.lo.x > box.hi.x ? box : Box(box.lo - pad, box.hi + pad);
 }
 
-// The box around a node's children.
+// Returns the box around a node's children.
 Box node_box(uint node) {
     uvec4 a = imageLoad(pyramid, pyramid_texel(node * 3u)), b = imageLoad(pyramid, pyramid_texel(node * 3u + 1u)), c = imageLoad(pyramid, pyramid_texel(node * 3u + 2u));
     vec3 origin = uintBitsToFloat(a.xyz), scale = uintBitsToFloat((uvec3(a.w, a.w >> 8u, a.w >> 16u) & 0xffu) << 23u);
@@ -123,7 +125,7 @@ void main() {
     uvec3 least = uvec3(0u), greatest = uvec3(0u), exponent = uvec3(1u);
     uint held = 0u;
     if (whole.lo.x <= whole.hi.x) {
-        // steps are powers of two, 255 of which span the box
+        // Steps are powers of two, and 255 of them span the box.
         uvec3 bits = floatBitsToUint(max((whole.hi - whole.lo) / 254.9, vec3(1e-30)));
         exponent = (bits >> 23u) + uvec3(notEqual(bits & 0x7fffffu, uvec3(0u)));
         vec3 scale = uintBitsToFloat(exponent << 23u);

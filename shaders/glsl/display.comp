@@ -1,7 +1,7 @@
 #version 460
-// display: an image of the renderer as a window shows it; not part of the frame.
+// display: an image of the renderer as a window shows it. It is not part of the frame. `look` says what the
+// numbers mean, and the legends in passes/display.rs describe it.
 // In: image and other (texels of any meaning, one layer of each), codes (`hit`). Out: picture, sRGB codes.
-// look says what the numbers mean; see `Look` in passes/display.rs, whose legends are the documentation.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -30,7 +30,7 @@ vec3 srgb(vec3 x) {
     return mix(12.92 * x, 1.055 * pow(x, vec3(1.0 / 2.4)) - 0.055, greaterThan(x, vec3(0.0031308)));
 }
 
-// As `tone::compress`: the largest component comes down, the others in proportion.
+// Does what `tone::compress` does: the largest component comes down, the others in proportion.
 vec3 lowered(vec3 radiance) {
     if (push.raised <= 1.0) return radiance;
     const float KNEE = 0.6; // as in panorama/tone.rs
@@ -63,7 +63,7 @@ vec3 ramp(float x) {
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(p, ivec2(push.size)))) return;
-    // what a scene has no use for is an image of one texel and one layer
+    // What a scene has no use for is an image of one texel and one layer.
     ivec3 at = min(ivec3(p, int(push.layer)), textureSize(in_image, 0) - 1);
     vec4 value = push.look == CODE ? vec4(0.0) : texelFetch(in_image, at, 0);
     vec4 other = texelFetch(in_other, min(at, textureSize(in_other, 0) - 1), 0);

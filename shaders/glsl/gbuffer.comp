@@ -1,9 +1,11 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 1, gbuffer: primary visibility of panorama and objects at each pixel's centre (IPRT §2, "preprocessing").
-// In: panorama radiance, depth and normals; the scene. Out: position (m), normal, motion (pixels), L_cam (radiance), k_V,
-// emission, hit, for the real and the virtual surface. M at the centre goes to camera_radiance.w; coverage refines it.
-// Where nothing is inserted, L_cam alone; for a map of irradiance, real surfaces alone.
+// Pass 1, gbuffer: primary visibility of panorama and objects at each pixel's centre (IPRT §2,
+// "preprocessing"). If nothing is inserted, it writes L_cam alone, and for a map of irradiance real surfaces
+// alone.
+// In: panorama radiance, depth and normals; the scene. Out: position (m), normal, motion (pixels), L_cam
+// (radiance), k_V, emission, hit, for the real and the virtual surface. M at the centre goes to
+// camera_radiance.w, and coverage refines it.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"

@@ -4,8 +4,9 @@ layout(constant_id = 9) const uint FILL_UNSEEN = 0; // 1: where the capture saw 
 
 struct RealPoint { float t; vec2 uv; ivec2 texel; };
 
-// What a primary ray shows where the capture saw nothing. A skirt: its farther side, that is, of the texel that it hangs from and its
-// neighbours the farthest. A ray that leaves behind an edge: what it passed before it went there.
+// Finds what a primary ray shows where the capture saw nothing. On a skirt that is its farther side: of the
+// texel that it hangs from and its neighbours, the farthest. For a ray that leaves behind an edge, it is what
+// the ray passed before it went there.
 void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
     ivec2 size = ivec2(in_view.view.depth_size);
     if (kind == SKIRT) {
@@ -30,7 +31,7 @@ void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
     }
 }
 
-// The real surface along a primary ray: t is FAR where there is none.
+// Returns the real surface along a primary ray. t is FAR if there is none.
 RealPoint real_surface(vec3 d) {
     RealPoint r;
     if (OFF_CENTRE == 0u && LIT == 0u) {
@@ -70,7 +71,8 @@ void write_virtual(ivec2 p, SceneHit hit, vec3 d) {
     }
     imageStore(out_position, ivec3(p, VIRTUAL), vec4(s.position, hit.t));
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(to_half(s.normal), s.roughness));
-    // relative to where this ray meets the image, so that a surface seen beside the pixel's centre is followed too
+    // This is relative to where the ray meets the image, so that a surface seen beside the pixel's centre is
+    // followed, too.
     vec4 motion = motion_of(vec2(p) + 0.5, previous, float(in_instances.instance[hit.instance].id));
     imageStore(out_motion, ivec3(p, VIRTUAL), motion);
     imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, s.metallic));

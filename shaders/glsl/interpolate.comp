@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 4, interpolate: pixels that were not traced take the mean of traced neighbours on the same surface (joint bilateral:
-// plane distance, normal, object id, roughness).
-// In: tiles, mask, position, normal, motion.w (id). In/out: irradiance_a, irradiance_b, only untraced pixels written.
+// Pass 4, interpolate: pixels that were not traced take the mean of traced neighbours on the same surface
+// (joint bilateral: plane distance, normal, object id, roughness). In: tiles, mask, position, normal,
+// motion.w (id). In/out: irradiance_a, irradiance_b, only untraced pixels written.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -37,7 +37,8 @@ void main() {
             total += w;
         }
     }
-    // no traced neighbour on this surface: nothing is known (w < 0), which temporal and atrous mend from theirs
+    // Without a traced neighbour on this surface nothing is known (w < 0). temporal and atrous mend that from
+    // theirs.
     bool known = total > 1e-6;
     imageStore(irradiance_a, ivec3(p, layer), known ? vec4(a.rgb / total, 0.0) : vec4(vec3(0.0), -1.0));
     if (has_b(layer)) imageStore(irradiance_b, ivec3(p, layer), known ? b / total : vec4(0.0));

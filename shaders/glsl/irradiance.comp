@@ -1,11 +1,11 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 3, irradiance: one path per traced surface (IPRT eq. 1, N = 1).
-// Real surfaces: E_R, and ΔE = E_RV − E_R from the same random numbers (W/m² up to the capture's scale). Virtual surfaces:
-// E of the Lambert lobe, and the radiance of the GGX lobe. Rays see real surfaces relit, and virtual ones by paths of
-// up to `bounces` vertices.
-// In: list, position, normal, hit; panorama, scene, relit panorama. Out: irradiance_a (E_R | E; w unused), irradiance_b (ΔE | GGX radiance;
-// w distance of the hit, metres).
+// Pass 3, irradiance: one path per traced surface (IPRT eq. 1, N = 1). Real surfaces get E_R, and ΔE = E_RV −
+// E_R from the same random numbers (W/m² up to the capture's scale). Virtual surfaces get E of the Lambert
+// lobe and the radiance of the GGX lobe. Rays see real surfaces relit, and virtual ones by paths of up to
+// `bounces` vertices.
+// In: list, position, normal, hit; panorama, scene, relit panorama. Out: irradiance_a (E_R | E; w unused),
+// irradiance_b (ΔE | GGX radiance; w distance of the hit, metres).
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -28,14 +28,14 @@ const uint SCREEN = 1u;    // of VIRTUAL_TRACER
 #include "march.glsl"
 #include "screen.glsl"
 
-// What a ray meets of the real scene; direction-only light is infinitely far.
+// Returns what a ray meets of the real scene. Direction-only light is infinitely far.
 PanoramaHit real_trace(vec3 origin, vec3 d) {
     if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
     if (REAL_TRACER == MARCH) return panorama_march(origin, d, push.march_steps);
     return panorama_trace(origin, d, 0.0, FAR);
 }
 
-// The virtual surface that a ray meets before t_max.
+// Returns the virtual surface that a ray meets before t_max.
 SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
     if (VIRTUAL_TRACER == SCREEN) return screen_trace(origin, d, t_max, random_next(random));
     return scene_trace(origin, d, t_max);
@@ -43,15 +43,16 @@ SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
 
 vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv); }
 
-// A ray drawn from a lobe and from the panorama's lights together: one of the two strategies is drawn, and the weight f·cos/p is
-// that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real` is what it meets of the real scene.
+// A ray drawn from a lobe and from the panorama's lights together. One of the two strategies is drawn, and
+// the weight f·cos/p is that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real`
+// is what it meets of the real scene.
 struct Ray {
     vec3 d;
     vec3 weight;
     PanoramaHit real;
 };
 
-// Towards a light: false where what was drawn is behind the surface.
+// Aims at a light. Returns false if what was drawn is behind the surface.
 bool toward_light(vec3 x, vec3 normal, inout Random random, out vec3 d, out vec3 target, out bool far) {
     vec2 u = random_next2(random);
     vec3 centre = light_sample(u, random_next2(random));
@@ -63,7 +64,7 @@ bool toward_light(vec3 x, vec3 normal, inout Random random, out vec3 d, out vec3
     return dot(d, normal) > 0.0;
 }
 
-// A light drawn counts only if it is what the ray meets first.
+// A drawn light counts only if the ray meets it first.
 bool meets(PanoramaHit hit, vec3 x, vec3 d, vec3 target, bool far) {
     if (far) return hit.kind == FREE;
     vec3 miss = x + d * hit.t - target;
@@ -101,8 +102,9 @@ Ray draw(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, in
     return ray;
 }
 
-// What arrives along a ray, the mixed scene included: real surfaces relit, virtual ones by a path. The path's last vertex sees
-// the real scene alone, so that no light is lost. `distance`: of the first hit.
+// Returns what arrives along a ray, the mixed scene included: real surfaces relit, virtual ones by a path.
+// The path's last vertex sees the real scene alone, so that no light is lost. `distance` is that of the first
+// hit.
 vec3 incoming(vec3 origin, Ray ray, inout Random random, out float distance) {
     SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, random);
     distance = min(hit.t, ray.real.t);
@@ -140,8 +142,8 @@ void main() {
         vec3 normal = imageLoad(in_normal, ivec3(p, REAL)).xyz;
         Surface none;
         Lobes no_lobes;
-        // off the real surface by more than the steps of its depth, off the virtual scene by next to nothing: a contact
-        // shadow begins at the contact
+        // Rays start off the real surface by more than the steps of its depth, and off the virtual scene by
+        // next to nothing, so that a contact shadow begins at the contact.
         float off = FAULT == FAULT_RAYS_FROM_BELOW ? -2e-3 : 2e-3;
         Ray ray = draw(point.xyz + normal * (off * length(point.xyz)), normal, false, none, no_lobes, vec3(0.0), random);
         vec3 radiance = vec3(0.0), mixed = vec3(0.0);

@@ -1,8 +1,8 @@
-// The panorama as a light: directions about its centre drawn in proportion to how much brighter than the mean they are, and
-// the density of what was drawn, seen from anywhere.
-// A cell's weight is its solid angle times its luminance above the mean, so that only lamps and windows are drawn and BRDF sampling
-// keeps the rest. `light_table.comp` fills the table: header (share of drawing lights, total weight), cumulative row weights,
-// cumulative cell weights in each row, cell weights.
+// The panorama as a light. Directions about its centre are drawn in proportion to how much brighter than the
+// mean they are, and the density of a drawn direction is known as seen from anywhere. A cell's weight is its
+// solid angle times its luminance above the mean, so that only lamps and windows are drawn, and BRDF sampling
+// keeps the rest. `light_table.comp` fills the table: header (share of drawing lights, total weight),
+// cumulative row weights, cumulative cell weights in each row, cell weights.
 layout(constant_id = 7) const uint DIRECTIONS = 2; // what draws the directions of rays: `Directions` in settings.rs
 const uint BRDF = 0u, LIGHT = 1u;
 
@@ -11,7 +11,7 @@ const int LIGHT_ROWS_AT = 0;
 const int LIGHT_CUMULATIVE_AT = 128;
 const int LIGHT_WEIGHTS_AT = 128 + 256 * 128;
 
-// A direction from the panorama's centre.
+// Draws a direction from the panorama's centre.
 vec3 light_sample(vec2 u, vec2 within) {
     float x = u.x * in_lights.total;
     int lo = 0, hi = LIGHT_CELLS.y - 1;
@@ -31,15 +31,15 @@ vec3 light_sample(vec2 u, vec2 within) {
     return vec3(theta.y * phi.y, theta.x, -theta.y * phi.x);
 }
 
-// Density of light_sample per solid angle about the centre.
+// Returns the density of light_sample per solid angle about the centre.
 float light_density_centre(vec2 uv) {
     ivec2 cell = clamp(ivec2(uv * vec2(LIGHT_CELLS)), ivec2(0), LIGHT_CELLS - 1);
     float p = in_lights.value[LIGHT_WEIGHTS_AT + cell.y * LIGHT_CELLS.x + cell.x] / max(in_lights.total, 1e-20);
     return p * float(LIGHT_CELLS.x * LIGHT_CELLS.y) / (2.0 * PI * PI * max(circle(0.5 * uv.y).y, 1e-4));
 }
 
-// The same per solid angle about x, for what a ray from x along d met: p_c·(r² cos θ_c)/(D² cos θ_x) on a surface, p_c where the ray
-// left, nothing on skirts.
+// Returns the same per solid angle about x, for what a ray from x along d met: p_c·(r² cos θ_c)/(D² cos θ_x)
+// on a surface, p_c where the ray left, and 0 on skirts.
 float light_density(vec3 x, vec3 d, PanoramaHit hit) {
     if (hit.kind == SKIRT || in_lights.share <= 0.0) return 0.0;
     float p = light_density_centre(hit.uv);

@@ -1,13 +1,15 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Per video frame, light_table (first dispatch): mean luminance of each cell, of the radiance as rays see it: bilinear between texels, so that
-// a lamp's rim, which reaches into its neighbours, is drawn, too. In: panorama radiance. Out: lights (weights hold luminance for now).
+// Per video frame, light_table (first dispatch): mean luminance of each cell. It takes the radiance as rays
+// see it, bilinear between texels, so that a lamp's rim, which reaches into its neighbours, is drawn, too.
+// In: panorama radiance. Out: lights (weights hold luminance for now).
 #include "common.glsl"
 #include "panorama.glsl"
 #include "light.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-// What a texel contributes to the mean over texels from.. to: the integral of its bilinear weight. `from` and `to` are relative to its centre.
+// Returns what a texel contributes to the mean over texels `from` to `to`: the integral of its bilinear
+// weight. Both are relative to its centre.
 float hat(float from, float to) {
     vec2 t = clamp(vec2(from, to), -1.0, 1.0);
     vec2 integral = t - 0.5 * t * abs(t);

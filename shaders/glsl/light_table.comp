@@ -1,7 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Per video frame, light_table (second dispatch, one workgroup): weights above the mean and their cumulative sums.
-// In/out: lights. A thread owns a row of cells.
+// Per video frame, light_table (second dispatch, one workgroup): weights above the mean and their cumulative
+// sums. A thread owns a row of cells.
+// In/out: lights.
 #include "common.glsl"
 #include "panorama.glsl"
 #include "light.glsl"
@@ -28,7 +29,7 @@ void main() {
     sum = 0.0;
     for (int x = 0; x < LIGHT_CELLS.x; x++) {
         float l = lights.value[weights + x];
-        // where all rays are drawn from it, the table covers the panorama, black texels too
+        // If all rays are drawn from it, the table covers the panorama, black texels included.
         float w = (DIRECTIONS == LIGHT ? l + 0.1 * mean : max(0.0, l - mean)) * solid_angle;
         lights.value[weights + x] = w;
         sum += w;
@@ -43,7 +44,7 @@ void main() {
             lights.value[LIGHT_ROWS_AT + r] = total;
         }
         lights.total = total;
-        // an even panorama has no lights worth drawing
+        // An even panorama has no lights worth drawing.
         float above = total / max(4.0 * PI * mean, 1e-20);
         lights.share = DIRECTIONS == LIGHT ? 1.0 : above < 0.05 ? 0.0 : min(0.5, above);
     }

@@ -1,4 +1,5 @@
-// Compacted work: indirect arguments are (x groups, y groups, 1, items), at most GROUPS_PER_ROW groups in a row.
+// Compacted work. Indirect arguments are (x groups, y groups, 1, items), with at most GROUPS_PER_ROW groups
+// in a row.
 const uint GROUPS_PER_ROW = 32768u;
 const uint LIST_REAL = 0u;
 const uint LIST_VIRTUAL = 4u;

@@ -1,13 +1,14 @@
-// A ray marched through the depth as an image, where the surface itself is not asked for: cheap, and an approximation.
-// The ray's picture in the panorama is an arc of a great circle, from the direction of its origin to its own. It is
-// looked at in `steps` places at equal angles, and what lies behind the nearest texel's depth by no more than `thickness` is a hit. Between
-// places, what is thinner than a step is missed; texels are steps of their own, so that nothing nearer behind than MARCH_BIAS is seen.
+// Marches a ray through the depth as an image, without asking the surface itself. This is cheap, and an
+// approximation. The ray's picture in the panorama is an arc of a great circle, from the direction of its
+// origin to its own. The march looks at it in `steps` places at equal angles. A place that lies behind the
+// nearest texel's depth by no more than `thickness` is a hit. What is thinner than a step is missed between
+// places. Texels are steps of their own, so nothing nearer behind than MARCH_BIAS is seen.
 
 const float MARCH_BIAS = 0.005;    // of the depth
 const float MARCH_DISTANT = 1e7;   // metres: the end of the arc
 const int MARCH_HALVINGS = 6;
 
-// The depth in the direction of a point; 0 in a hole.
+// Returns the depth in the direction of a point; 0 in a hole.
 float march_depth(vec3 point, out ivec2 texel) {
     ivec2 size = ivec2(in_view.view.depth_size);
     texel = min(ivec2(panorama_uv(point) * vec2(size)), size - 1);
@@ -19,14 +20,16 @@ float march_distance(vec3 origin, float arc, float share) {
     return share < 1.0 ? length(origin) * sin(angle) / max(sin(arc - angle), 1e-6) : MARCH_DISTANT;
 }
 
-// How far behind the depth a place of the ray is, metres; negative before it, and in front of a hole.
+// Returns how far behind the depth a place of the ray is, in metres. It is negative before the depth and in
+// front of a hole.
 float march_behind(vec3 origin, vec3 d, float t) {
     ivec2 texel;
     float depth = march_depth(origin + d * t, texel);
     return depth > 0.0 ? length(origin + d * t) - depth * (1.0 + MARCH_BIAS) : -1.0;
 }
 
-// As panorama_trace, but FREE or SURFACE only, and no farther than depth and steps tell. The origin counts as before the depth.
+// Does what panorama_trace does, but answers FREE or SURFACE only, as far as depth and steps tell. The origin
+// counts as before the depth.
 PanoramaHit panorama_march(vec3 origin, vec3 d, uint steps) {
     float arc = arctangent(length(cross(origin, d)), dot(origin, d));
     float before = 0.0, here = 0.0;
@@ -48,7 +51,7 @@ PanoramaHit panorama_march(vec3 origin, vec3 d, uint steps) {
             float middle = 0.5 * (near + far);
             if (march_behind(origin, d, march_distance(origin, arc, middle)) > 0.0) far = middle; else near = middle;
         }
-        // where the ray meets the sphere of that texel's depth, twice
+        // The ray meets the sphere of that texel's depth here, twice.
         float t = march_distance(origin, arc, far), along = dot(origin, d);
         ivec2 texel;
         for (int n = 0; n < 2; n++) {

@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Per video frame, normals (second dispatch): each texel takes, of the planes fitted around it that explain its own depth, the
-// one that fits its neighbourhood best, so that a window across a crease or an edge does not bend the normal there. Depth that came in
-// steps moves onto that plane, within its step.
+// Per video frame, normals (second dispatch). Of the planes fitted around it that explain its own depth, each
+// texel takes the one that fits its neighbourhood best, so that a window across a crease or an edge does not
+// bend the normal there. Depth that came in steps moves onto that plane, within its step.
 // In: plane, depth. Out: normal (towards the centre), depth (m).
 #include "common.glsl"
 #include "panorama.glsl"
@@ -33,9 +33,10 @@ void main() {
                 if (plane.w < 0.0) continue;
                 float e = dot(plane.xyz, direction) - q;
                 if (abs(e) > limit && !(x == 0 && y == 0)) continue;
-                // a little in favour of this texel's own plane
+                // This texel's own plane is favoured a little.
                 float cost = (plane.w + 0.25 * e * e + 1e-8 * q * q) * (x == 0 && y == 0 ? 0.8 : 1.0);
-                // clearly better, not by a rounding, which drivers differ in: at a crease both planes may fit exactly
+                // Another plane must be clearly better, not by a rounding, in which drivers differ: at a
+                // crease both planes may fit exactly.
                 if (cost < 0.99 * best_cost) { best_cost = cost; best = plane.xyz; }
             }
         }

@@ -1,5 +1,5 @@
-// The real scene: the panorama as radiance by direction and as a surface in space.
-// The surface: a vertex at each texel centre, quads of four neighbours split along (i,j)–(i+1,j+1), a fan to each pole.
+// The real scene: the panorama as radiance by direction and as a surface in space. The surface has a vertex
+// at each texel centre, quads of four neighbours split along (i,j)–(i+1,j+1), and a fan to each pole.
 
 #include "bind/panorama.glsl"
 layout(constant_id = 3) const uint MINIFIED = 0; // 1: the picture is coarser than the panorama and reads its mip levels
@@ -20,7 +20,7 @@ vec2 panorama_uv(vec3 d) {
     return vec2(u - floor(u), arctangent(length(d.xz), d.y) / PI);
 }
 
-// Bilinear radiance; columns wrap and poles continue on the opposite meridian.
+// Returns bilinear radiance. Columns wrap, and poles continue on the opposite meridian.
 vec3 panorama_bilinear(vec2 uv) {
     ivec2 size = ivec2(in_view.view.color_size);
     vec2 p = uv * vec2(size) - 0.5;
@@ -41,7 +41,7 @@ vec3 panorama_bilinear_level(vec2 uv, int level) {
     return mix(mix(a, b, f.x), mix(c, d, f.x), f.y);
 }
 
-// Radiance filtered over a footprint of `angle` radians; plain bilinear where magnified.
+// Returns radiance filtered over a footprint of `angle` radians. It is plain bilinear where magnified.
 vec3 panorama_filtered(vec2 uv, float angle) {
     if (MINIFIED == 0u) return panorama_bilinear(uv);
     float level = log2(max(1.0, angle * float(in_view.view.color_size.y) / PI));
@@ -52,7 +52,7 @@ vec3 panorama_filtered(vec2 uv, float angle) {
 
 // --- the surface ---
 
-// Depth of vertex (i, j), i from 0 to W; j = -1 and j = H are the poles.
+// Returns the depth of vertex (i, j), i from 0 to W. j = -1 and j = H are the poles.
 float vertex_depth(int i, int j) {
     int width = int(in_view.view.depth_size.x);
     if (FAULT == FAULT_NO_WRAP && i >= width) return 0.0;
@@ -65,14 +65,15 @@ vec3 vertex_direction(int i, int j) {
     return vec3(theta.x * phi.x, theta.y, -theta.x * phi.y);
 }
 
-// (u, v) of a vertex.
+// Returns (u, v) of a vertex.
 vec2 vertex_uv(int i, int j) {
     int width = int(in_view.view.depth_size.x);
     return vec2((float(i >= width ? i - width : i) + 0.5) / float(width), clamp((float(j) + 0.5) / float(in_view.view.depth_size.y), 0.0, 1.0));
 }
 
-// The real surface in a direction from the centre: its distance (0 in a hole) and the texel whose vertex is nearest.
-// Between foreground and background (a skirt) it snaps to the nearer vertex in the image, so that no surface is smeared.
+// Returns the real surface in a direction from the centre: its distance (0 in a hole) and the texel whose
+// vertex is nearest. Between foreground and background (a skirt) it snaps to the vertex that is nearer in the
+// image, so that no surface is smeared.
 float surface_distance(vec3 d, out ivec2 texel) {
     ivec2 size = ivec2(in_view.view.depth_size);
     vec2 uv = panorama_uv(d);

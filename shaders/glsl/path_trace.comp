@@ -1,18 +1,21 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// The oracle of scene truth, path_trace: one sample a pixel of the light transport in a complete scene (rendering equation,
-// all bounces), added to sums. Light sampling and BRDF sampling are combined by the balance heuristic (Veach 1997).
-// Emission is from both sides of a triangle, as elsewhere; a ray that leaves the scene brings nothing.
-// In: scene, lights, punctual lights. In/out (sums over the samples of a batch): reflected, other, albedo; centre (written by sample 0).
-// Radiance of a pixel is (reflected + other) / samples. The split serves the denoiser: `reflected` is what the surface at the
-// pixel's centre reflects, `other` is emission seen directly and all that other surfaces in the pixel send.
+// The oracle of scene truth, path_trace: one sample a pixel of the light transport in a complete scene
+// (rendering equation, all bounces), added to sums. The balance heuristic (Veach 1997) combines light
+// sampling and BRDF sampling. Both sides of a triangle emit, as elsewhere. A ray that leaves the scene brings
+// nothing. The radiance of a pixel is (reflected + other) / samples. The split serves the denoiser:
+// `reflected` is what the surface at the pixel's centre reflects, and `other` is emission seen directly and
+// all that other surfaces in the pixel send.
+// In: scene, lights, punctual lights. In/out (sums over the samples of a batch): reflected, other, albedo;
+// centre (written by sample 0).
 #include "common.glsl"
 #include "parts.glsl"
 #include "scene.glsl"
 #include "brdf.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-// A triangle that shines. Drawn with a probability proportional to area · luminance; `below` is the sum of those before it.
+// A triangle that shines. It is drawn with a probability proportional to area · luminance. `below` is the sum
+// of those before it.
 struct Light { uint instance; uint triangle; float below; uint padding; };
 
 // A light without a surface (KHR_lights_punctual). `Punctual` in scene/packed.rs.
@@ -38,7 +41,8 @@ layout(push_constant, scalar) uniform Push {
     uint fresh;          // 1: the sums start anew
 } push;
 
-// --- Owen-scrambled Sobol points, padded: two dimensions at a time (Burley 2020, "Practical Hash-based Owen Scrambling") ---
+// --- Owen-scrambled Sobol points, padded: two dimensions at a time (Burley 2020, "Practical Hash-based Owen
+// Scrambling") ---
 
 uint scramble(uint x, uint seed) {
     x = bitfieldReverse(x);
@@ -64,7 +68,8 @@ vec2 sobol(uint index, uint seed) {
 
 struct Sampler { uint seed; uint dimension; Random random; };
 
-// Well-spread over a pixel's samples for the first dimensions, merely random for deep bounces.
+// Draws well-spread points over a pixel's samples for the first dimensions, and merely random ones for deep
+// bounces.
 vec2 draw(inout Sampler s) {
     s.dimension++;
     return s.dimension <= 12u ? sobol(in_view.view.frame, s.seed + s.dimension * 0x9e3779b9u) : random_next2(s.random);
@@ -79,12 +84,12 @@ const uint LOBES = 2u;
 
 const uint LIGHT_CANDIDATES = 4u;
 
-// Density, per area, with which light sampling finds a point of this triangle.
+// Returns the density, per area, with which light sampling finds a point of this triangle.
 float light_density(uint triangle) {
     return luminance(in_materials.material[in_shading.triangle[triangle].material].emissive) * push.inverse_power;
 }
 
-// The light whose share of [0, 1) holds u.
+// Returns the light whose share of [0, 1) holds u.
 uint light_at(float u) {
     uint low = 0u, high = push.light_count; // in [low, high)
     while (high - low > 1u) {
@@ -94,8 +99,9 @@ uint light_at(float u) {
     return low;
 }
 
-// Light by one lobe, weighted against BRDF sampling of that lobe. Of a few points drawn, spread over all lights, one is taken by
-// what it would bring (resampled importance sampling, Talbot et al. 2005), and only that one costs a ray.
+// Returns light by one lobe, weighted against BRDF sampling of that lobe. Of a few points, spread over all
+// lights, one is taken by what it would bring (resampled importance sampling, Talbot et al. 2005), and only
+// that one costs a ray.
 vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, float choice) {
     if (push.light_count == 0u || push.sampling == LOBES) return vec3(0.0);
     vec3 origin = surface_origin(s), chosen = vec3(0.0), chosen_d = vec3(0.0);
@@ -139,8 +145,8 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, 
 
 const uint PUNCTUAL_CANDIDATES = 8u;
 
-// Light from lamps without a surface by one lobe. No lobe's sample can meet them, so there is nothing to weigh against. As above,
-// one of a few is chosen by what it would bring.
+// Returns light from lamps without a surface by one lobe. No lobe's sample can meet them, so there is nothing
+// to weigh against. As above, one of a few is chosen by what it would bring.
 vec3 punctual(Surface s, Lobes l, vec3 to_eye, bool specular, inout Random random) {
     uint count = min(push.punctual_count, PUNCTUAL_CANDIDATES);
     vec3 origin = surface_origin(s), chosen = vec3(0.0), chosen_d = vec3(0.0);
@@ -196,7 +202,7 @@ void main() {
     } else middle = imageLoad(centre, p);
 
     Sampler draws;
-    // one sequence a pixel, whatever the sample: `frame` is its index
+    // There is one sequence a pixel, whatever the sample: `frame` is its index.
     draws.seed = hash(uint(p.x) + hash(uint(p.y) + hash(in_view.view.seed)));
     draws.dimension = 0u;
     draws.random = random_begin(uvec2(p), 2u);

@@ -1,14 +1,15 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Per video frame, normals (first dispatch): a plane through each texel's neighbourhood. On the plane n·P = h the inverse
-// depth is linear in direction, 1/D = a·ω with a = n/h, so a is found by linear least squares, in three rounds: the first over neighbours
-// whose depth connects to this one's, the others over those the plane so far explains. Holes are left out.
+// Per video frame, normals (first dispatch): a plane through each texel's neighbourhood. On the plane n·P = h
+// the inverse depth is linear in direction, 1/D = a·ω with a = n/h, so a is found by linear least squares in
+// three rounds. The first takes neighbours whose depth connects to this one's, the others those that the
+// plane so far explains. Holes are left out.
 // In: depth (m), angles. Out: plane (xyz a, 1/m; w mean squared residual of 1/D, negative: no plane).
 #include "common.glsl"
 #include "panorama.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-// tolerance: of 1/D, absolute (1/m) and relative; radial_step: the codes' spacing where they are radial, metres.
+// tolerance is that of 1/D, absolute (1/m) and relative. radial_step is the spacing of radial codes, metres.
 layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;
 
 void main() {
@@ -23,7 +24,7 @@ void main() {
     float step_here = max(push.step_disparity, push.step_radial * q * q);
     vec3 w0 = vertex_direction(p.x, p.y);
     mat3 frame = basis(w0);
-    // normal equations in the local frame, tangential coordinates scaled to the window
+    // These are the normal equations in the local frame, with tangential coordinates scaled to the window.
     float scale = float(size.y) / (PI * float(push.radius));
     vec3 a = vec3(0.0);
     float residual = 0.0;

@@ -1,13 +1,14 @@
-// The pyramid of boxes that rays walk. A leaf is 2×2 quads; a node of level 0 holds the boxes of 2×2 leaves, one of level n those of 2×2
-// nodes of level n - 1, up to a single node. Leaf row y holds the quads under vertex rows 2y and 2y + 1 of in_depth.
-// A node is three texels: origin (m) and the exponents of its grid's steps; bounds of the four children in steps, a byte each:
-// least x, y, z, greatest x | greatest y, z, then a bit for each child that holds anything.
-// Far sides have nodes of their own behind the others.
+// The pyramid of boxes that rays walk. A leaf is 2×2 quads. A node of level 0 holds the boxes of 2×2 leaves,
+// one of level n those of 2×2 nodes of level n - 1, up to a single node. Leaf row y holds the quads under
+// vertex rows 2y and 2y + 1 of in_depth. A node is three texels: its origin (m) and the exponents of its
+// grid's steps; then bounds of the four children in steps, a byte each: least x, y, z, greatest x | greatest
+// y, z, then a bit for each child that holds anything. Far sides have nodes of their own behind the others.
 const uint PYRAMID_ROW = 4096u; // texels: the width that every device's images may have
 
 ivec2 pyramid_texel(uint n) { return ivec2(n % PYRAMID_ROW, n / PYRAMID_ROW); }
 
-// Number of a node. The formula leaves each level at least the room it needs, without a table: `PyramidShape` in passes/panorama.rs.
+// Returns the number of a node. The formula leaves each level at least the room that it needs, without a
+// table (`PyramidShape` in passes/panorama.rs).
 uint pyramid_node(uint level, uint x, uint y) {
     uint area = in_view.view.pyramid_area, width = ((in_view.view.pyramid_size.x - 1u) >> level) + 1u;
     uint room = in_view.view.pyramid_size.x + in_view.view.pyramid_size.y + 4u;

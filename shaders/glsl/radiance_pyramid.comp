@@ -1,6 +1,6 @@
 #version 460
-// Per video frame, radiance_pyramid: one mip level of the panorama's radiance, the area-weighted mean of the texels below
-// (any size, not only powers of two). In: the finer level. Out: the coarser.
+// Per video frame, radiance_pyramid: one mip level of the panorama's radiance, the area-weighted mean of the
+// texels below. Any size will do, not only powers of two. In: the finer level. Out: the coarser.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 60, rgba32f) uniform readonly image2D in_level;
 layout(set = 0, binding = 61, rgba32f) uniform writeonly image2D out_level;

@@ -2,15 +2,16 @@
 layout(constant_id = 6) const uint RELIGHTING = 0;
 const uint RATIO = 1u;
 
-// out = L + ΔE·k, k = min(L/E_R, 1/π): what a diffuse surface reflects per irradiance, at most all of it. It is
-// L_e + (L − L_e)·E_RV/E_R with L_e = max(0, L − E_R/π), without the division's pole at E_R = 0. RATIO is the paper's
-// equation 2, L·E_RV/E_R, whose pole is left in but for E_R < 1e-6, where dividing would overflow.
+// Relights a real surface: out = L + ΔE·k, k = min(L/E_R, 1/π). k is what a diffuse surface reflects per
+// irradiance, at most all of it. This equals L_e + (L − L_e)·E_RV/E_R with L_e = max(0, L − E_R/π), without
+// the division's pole at E_R = 0. RATIO is the paper's equation 2, L·E_RV/E_R. Its pole is left in, except
+// for E_R < 1e-6, where dividing would overflow.
 vec3 relight(vec3 radiance, vec3 irradiance, vec3 change) {
     vec3 k = RELIGHTING == RATIO ? radiance / max(irradiance, vec3(1e-6)) : min(radiance / max(irradiance, vec3(1e-20)), vec3(1.0 / PI));
     return max(radiance + change * k, vec3(0.0));
 }
 
-// The radiance of a real surface as the mixed scene lights it.
+// Returns the radiance of a real surface as the mixed scene lights it.
 vec3 relit(vec2 uv, vec3 radiance) {
     if (in_view.view.relit == 0u) return radiance;
     ivec2 size = ivec2(in_view.view.relight_size);

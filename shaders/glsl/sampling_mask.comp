@@ -1,8 +1,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 2, sampling_mask: which pixels trace this frame, compacted into one list for real and one for virtual surfaces, and
-// the 8×8 tiles that the later passes visit. (IPRT §2, "sparse sampling mask".)
-// In: position, normal, coverage, motion; history: position, normal, motion, length. Out: mask (0 nothing there, 1 traced, 2 interpolated), lists, arguments; irradiance_a, _b of what nothing will fill.
+// Pass 2, sampling_mask: which pixels trace this frame, compacted into one list for real and one for virtual
+// surfaces, and the 8×8 tiles that the later passes visit (IPRT §2, "sparse sampling mask").
+// In: position, normal, coverage, motion; history: position, normal, motion, length. Out: mask (0 nothing
+// there, 1 traced, 2 interpolated), lists, arguments; irradiance_a, _b of pixels that nothing will fill.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -25,10 +26,10 @@ shared uint group_count[2];
 shared uint group_base[2];
 shared uint active_count[2];
 
-// 4×4 ordered dither: every power-of-two share of the ranks is spread evenly.
+// A 4×4 ordered dither, in which every power-of-two share of the ranks is spread evenly.
 const uvec4 RANK[4] = uvec4[4](uvec4(0u, 8u, 2u, 10u), uvec4(12u, 4u, 14u, 6u), uvec4(3u, 11u, 1u, 9u), uvec4(15u, 7u, 13u, 5u));
 
-// Which of the 4×4 are traced in a frame, so many of 16; all in turn.
+// Says which of the 4×4 are traced in a frame: so many of 16, all in turn.
 bool in_turn(ivec2 p, uint share) {
     uint rank = RANK[p.y & 3][p.x & 3];
     return (rank + 16u - (in_view.view.frame * share) % 16u) % 16u < share;
@@ -40,7 +41,8 @@ bool shows(ivec2 p, int layer) {
     return layer == REAL ? coverage > 0.0 : coverage < 1.0;
 }
 
-// Rays for 16 pixels: all where the 3×3 neighbours leave the pixel's surface, a quarter where the 5×5 do, else one.
+// Returns the rays for 16 pixels: all where the 3×3 neighbours leave the pixel's surface, a quarter where the
+// 5×5 do, else one.
 uint discontinuity_share(ivec2 p, int layer) {
     vec4 position = imageLoad(in_position, ivec3(p, layer));
     vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;
@@ -66,7 +68,7 @@ bool traced(ivec2 p, int layer) {
     if (push.dense != 0u) return true;
     if (in_turn(p, push.by_discontinuity != 0u ? discontinuity_share(p, layer) : in_view.view.rays_per_16)) return true;
     if (layer == VIRTUAL && imageLoad(in_normal, ivec3(p, VIRTUAL)).w < push.sharp_roughness) return true;
-    // newly seen surfaces trace every pixel until they have some history
+    // Newly seen surfaces trace every pixel until they have some history.
     if (push.short_history == 0u || push.history_valid == 0u) return push.short_history > 0u;
     vec4 motion = imageLoad(in_motion, ivec3(p, layer));
     if (motion.z <= 0.0) return true;
@@ -76,7 +78,7 @@ bool traced(ivec2 p, int layer) {
 }
 
 void append(uint list, uint count, uint per_group) {
-    // groups are what an indirect dispatch needs; they grow with the count that this group has just added
+    // An indirect dispatch needs groups. They grow with the count that this group has just added.
     uint total = atomicAdd(out_arguments.word[list + 3u], count) + count;
     uint groups = (total + per_group - 1u) / per_group;
     atomicMax(out_arguments.word[list], min(groups, GROUPS_PER_ROW));

@@ -26,7 +26,7 @@ struct Surface {
 
 vec3 transform_point(vec4 rows[3], vec3 p) { return vec3(dot(rows[0], vec4(p, 1.0)), dot(rows[1], vec4(p, 1.0)), dot(rows[2], vec4(p, 1.0))); }
 vec3 transform_direction(vec4 rows[3], vec3 d) { return vec3(dot(rows[0].xyz, d), dot(rows[1].xyz, d), dot(rows[2].xyz, d)); }
-// By the transpose of the inverse, whose rows are given.
+// Transforms by the transpose of the inverse, whose rows are given.
 vec3 transform_normal(vec4 inverse_rows[3], vec3 n) { return inverse_rows[0].xyz * n.x + inverse_rows[1].xyz * n.y + inverse_rows[2].xyz * n.z; }
 
 vec3 safe_inverse(vec3 d) {
@@ -56,7 +56,7 @@ void scene_triangles(uint first, uint count, uint instance, vec3 origin, vec3 d,
     }
 }
 
-// One instance: the ray in object space keeps its parameter t.
+// Traces one instance. The ray in object space keeps its parameter t.
 void scene_instance(uint index, vec3 world_origin, vec3 world_d, inout SceneHit hit) {
     vec3 origin = transform_point(in_instances.instance[index].world_to_object, world_origin);
     vec3 d = transform_direction(in_instances.instance[index].world_to_object, world_d);
@@ -81,7 +81,7 @@ void scene_instance(uint index, vec3 world_origin, vec3 world_d, inout SceneHit 
     }
 }
 
-// Closest virtual surface along a ray before t_max.
+// Finds the closest virtual surface along a ray before t_max.
 SceneHit scene_trace(vec3 origin, vec3 d, float t_max) {
     SceneHit hit = SceneHit(t_max, NONE, NONE, vec2(0.0));
     if (in_view.view.instance_count > 0u) {
@@ -130,7 +130,7 @@ vec4 texture_texel(Texture tex, uint offset, ivec2 size, ivec2 p) {
     return c;
 }
 
-// `footprint`: width of the ray's footprint in units of uv.
+// `footprint` is the width of the ray's footprint in units of uv.
 vec4 texture_sample(uint index, vec2 uv, float footprint) {
     Texture tex = in_textures.entry[index];
     float level = floor(0.5 + log2(max(1.0, footprint * float(max(tex.width, tex.height)))));
@@ -138,7 +138,7 @@ vec4 texture_sample(uint index, vec2 uv, float footprint) {
     uint offset = tex.offset;
     for (uint k = 0u; k < l; k++) offset += max(1u, tex.width >> k) * max(1u, tex.height >> k);
     ivec2 size = ivec2(max(1u, tex.width >> l), max(1u, tex.height >> l));
-    // uv far from the origin lose their fraction; wrap first
+    // uv far from the origin lose their fraction, so wrap first.
     uv = vec2(tex.wrap_u == 0u ? fract(uv.x) : uv.x, tex.wrap_v == 0u ? fract(uv.y) : uv.y);
     uv = clamp(uv, vec2(-1e4), vec2(1e4));
     vec2 p = uv * vec2(size) - 0.5;
@@ -150,7 +150,8 @@ vec4 texture_sample(uint index, vec2 uv, float footprint) {
     return mix(a, b, f.y);
 }
 
-// The surface at a hit. `d` is the ray's direction, `width` the width of its footprint there, metres.
+// Returns the surface at a hit. `d` is the ray's direction, and `width` the width of its footprint there in
+// metres.
 Surface scene_surface(SceneHit hit, vec3 d, float width) {
     Instance instance = in_instances.instance[hit.instance];
     TriangleGeometry tri = in_triangles.triangle[hit.triangle];
@@ -182,7 +183,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
         }
     }
     if (dot(s.geometric, d) > 0.0 && FAULT != FAULT_NORMALS_UNTURNED) { s.geometric = -s.geometric; normal = -normal; }
-    // A shading normal that faces away from the ray would see nothing: tilt it back to the horizon.
+    // A shading normal that faces away from the ray would see nothing, so tilt it back to the horizon.
     float facing = dot(normal, d);
     if (facing > -1e-3) normal = normalize(normal - d * (facing + 1e-3));
     s.normal = normal;
@@ -210,7 +211,8 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     return s;
 }
 
-// Where rays leave a virtual surface: off it by a few ulp of its coordinates and a tenth of a millimetre.
+// Returns where rays leave a virtual surface: off it by a few ulp of its coordinates and a tenth of a
+// millimetre.
 vec3 surface_origin(Surface s) {
     return s.position + s.geometric * max(1e-4, 4e-6 * max(abs(s.position.x), max(abs(s.position.y), abs(s.position.z))));
 }

@@ -1,12 +1,12 @@
-// Virtual objects as the picture shows them: rays walk its depth (McGuire and Mara 2014, "Efficient GPU Screen-Space Ray
-// Tracing"). Perspective pictures are walked by a DDA that interpolates 1/z, equirect ones by equal angles along the
-// ray's great circle. What is off the picture, or hidden in it, is not met.
+// Virtual objects as the picture shows them: rays walk its depth (McGuire and Mara 2014, "Efficient GPU
+// Screen-Space Ray Tracing"). Perspective pictures are walked by a DDA that interpolates 1/z, equirect ones
+// by equal angles along the ray's great circle. Rays do not meet what is off the picture or hidden in it.
 
-// How far a ray starts from its own pixel, pixels: closer, it would meet the surface that it leaves.
+// How far from its own pixel a ray starts, in pixels. Closer, it would meet the surface that it leaves.
 const float SCREEN_GAP = 1.0;
 
-// The virtual surface in a pixel, if the ray passes it between `near` and `far` (depths as `axis` measures them: along the view's
-// axis, or, where `axis` is 0, from the camera).
+// Returns the virtual surface in a pixel, if the ray passes it between `near` and `far`. Depths are measured
+// along `axis`, the view's axis, or from the camera if `axis` is 0.
 bool screen_hit(ivec2 p, float near, float far, vec3 axis, inout SceneHit hit) {
     if (!neighbour(p)) return false;
     vec4 point = imageLoad(in_position, ivec3(p, VIRTUAL));
@@ -24,7 +24,7 @@ SceneHit screen_perspective(vec3 origin, vec3 d, float t_max, float jitter) {
     const float NEAR = 1e-3;
     vec3 from = origin - v.position;
     vec3 o = vec3(dot(from, v.right), dot(from, v.up), dot(from, v.forward)), e = vec3(dot(d, v.right), dot(d, v.up), dot(d, v.forward));
-    // the part of the ray before the camera
+    // This is the part of the ray before the camera.
     float t0 = 0.0, t1 = min(t_max, 1e5);
     if (o.z < NEAR) {
         if (e.z <= 0.0) return hit;
@@ -32,13 +32,13 @@ SceneHit screen_perspective(vec3 origin, vec3 d, float t_max, float jitter) {
     }
     if (e.z < 0.0) t1 = min(t1, (NEAR - o.z) / e.z);
     if (t0 >= t1) return hit;
-    // pixel(t) = (a.xy + t b.xy)/(a.z + t b.z); pixel, 1/z and t/z are linear along the line in the picture
+    // pixel(t) = (a.xy + t b.xy)/(a.z + t b.z). Pixel, 1/z and t/z are linear along the line in the picture.
     vec2 half_size = 0.5 * vec2(v.size);
     vec3 a = vec3(half_size * (o.z + vec2(o.x, -o.y) / v.tan_half), o.z), b = vec3(half_size * (e.z + vec2(e.x, -e.y) / v.tan_half), e.z);
     vec3 h0 = a + t0 * b, h1 = a + t1 * b;
     vec2 p0 = h0.xy / h0.z, line = h1.xy / h1.z - p0;
     float k0 = 1.0 / h0.z, dk = 1.0 / h1.z - k0, q0 = t0 / h0.z, dq = t1 / h1.z - q0;
-    // the part in the picture
+    // This is the part in the picture.
     float s = 0.0, end = 1.0;
     for (int i = 0; i < 2; i++) {
         if (line[i] == 0.0) {
@@ -70,7 +70,8 @@ SceneHit screen_equirect(vec3 origin, vec3 d, float t_max, float jitter) {
     vec3 o = origin - v.position;
     float from = length(o);
     if (from < 1e-5) return hit;
-    // the ray's points are seen from the direction of its origin round towards d: at angle x the distance is |o| sin Ω / sin(Ω − x)
+    // The ray's points are seen from the direction of its origin round towards d. At angle x the distance is
+    // |o| sin Ω / sin(Ω − x).
     vec3 start = o / from, across = d - start * dot(start, d);
     float sine = length(across);
     if (sine < 1e-6) return hit;
@@ -94,14 +95,15 @@ SceneHit screen_equirect(vec3 origin, vec3 d, float t_max, float jitter) {
     return hit;
 }
 
-// The first virtual surface along a ray before t_max, as the picture shows it; `jitter` from 0 to 1.
+// Finds the first virtual surface along a ray before t_max, as the picture shows it. `jitter` is from 0 to 1.
 SceneHit screen_trace(vec3 origin, vec3 d, float t_max, float jitter) {
     if (VIRTUAL_SURFACES == 0u || in_view.view.instance_count == 0u) return SceneHit(FAR, NONE, NONE, vec2(0.0));
     if (in_view.view.projection == EQUIRECT) return screen_equirect(origin, d, t_max, jitter);
     return screen_perspective(origin, d, t_max, jitter);
 }
 
-// A surface met on the screen sends what the picture shows of it, whichever side the ray came from: it is seen along the camera's ray.
+// A surface met on the screen sends what the picture shows of it, whichever side the ray came from, because
+// it is seen along the camera's ray.
 vec3 screen_direction(SceneHit hit, vec3 d) {
     Instance instance = in_instances.instance[hit.instance];
     TriangleGeometry tri = in_triangles.triangle[hit.triangle];

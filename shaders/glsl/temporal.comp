@@ -1,9 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 5, temporal: accumulation along motion vectors, with disocclusion tests and clamping of the history to the mean and
-// spread of this frame's neighbourhood.
-// In: tiles, mask, irradiance_a/b of this frame (or what atrous made of them, if it comes first), position, normal, motion now and a frame ago, history_*. Out: accumulated a, b (w: variance
-// of the mean), moments (x, y: second moments of the luminances of a and b; z: history length, frames; w: hit distance, metres).
+// Pass 5, temporal: accumulation along motion vectors, with disocclusion tests. The history is clamped to the
+// mean and spread of this frame's neighbourhood.
+// In: tiles, mask, irradiance_a/b of this frame (or what atrous made of them, if it comes first), position,
+// normal, motion now and a frame ago, history_*. Out: accumulated a, b (w: variance of the mean), moments (x,
+// y: second moments of the luminances of a and b; z: history length, frames; w: hit distance, metres).
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"

@@ -1,14 +1,16 @@
-// Rays through the panorama's surface, exactly as defined, from anywhere.
+// Traces rays through the panorama's surface, exactly as defined, from anywhere.
 #include "pyramid.glsl"
 
 const uint NO_TRIANGLE = 0xffffffffu;
 
-// The nearest crossing so far: its distance, and its triangle: quad column, vertex row above, which of the two, and whether it is a skirt.
+// The nearest crossing so far: its distance, and its triangle (quad column, vertex row above, which of the
+// two, whether it is a skirt).
 struct Crossing { float t; uint triangle; };
 const uint TRIANGLE_UPPER = 1u << 30u, TRIANGLE_SKIRT = 1u << 31u;
 
-// A vertex as a ray sees it: xy across the ray, z along it; w its depth, 0 in a hole.
-// Edge functions of these are the same numbers for both triangles at an edge, so that no ray slips between them (Woop et al. 2013).
+// A vertex as a ray sees it: xy across the ray, z along it, w its depth (0 in a hole). Edge functions of
+// these are the same numbers for both triangles at an edge, so that no ray slips between them (Woop et al.
+// 2013).
 float edge(vec4 a, vec4 b) { precise float area = a.x * b.y - a.y * b.x; return area; }
 
 void cross_triangle(vec3 weight, vec4 a, vec4 b, vec4 c, vec3 origin, vec3 d, float t_min, bool far_sides, uint triangle, inout Crossing crossing) {
@@ -26,7 +28,8 @@ void cross_triangle(vec3 weight, vec4 a, vec4 b, vec4 c, vec3 origin, vec3 d, fl
     }
 }
 
-// The two triangles of a quad, split from its upper left to its lower right; `edges`: top, bottom, left, right.
+// Tests the two triangles of a quad, split from its upper left to its lower right. `edges` are top, bottom,
+// left, right.
 void cross_quad(vec4 v00, vec4 v01, vec4 v10, vec4 v11, vec4 edges, vec3 origin, vec3 d, float t_min, bool far_sides, uint quad, inout Crossing crossing) {
     float diagonal = edge(v00, v11);
     cross_triangle(vec3(edges.y, -diagonal, edges.z), v00, v10, v11, origin, d, t_min, far_sides, quad, crossing);
@@ -39,7 +42,7 @@ void cross_leaf(uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, b
     vec4 v[9];
     vec2 phi[3];
     ivec3 column = (FAULT == FAULT_NARROW_COLUMNS ? first.x & 4095 : first.x) + ivec3(0, 1, 2);
-    // the column after the last is the first; what is beyond that, or beyond a pole, is a hole
+    // The column after the last is the first. What is beyond that, or beyond a pole, is a hole.
     bvec3 no_column = greaterThan(column, ivec3(size.x));
     column -= mix(ivec3(0), ivec3(size.x), greaterThanEqual(column, ivec3(size.x)));
     column = min(column, ivec3(size.x - 1));
@@ -68,10 +71,11 @@ void cross_leaf(uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, b
 // The four bytes of a word.
 vec4 bytes(uint word) { return vec4(ivec4(uvec4(word, word >> 8u, word >> 16u, word >> 24u) & 0xffu)); }
 
-// The nearest crossing in (t_min, t_max) of what can be hit, or any crossing of a skirt's far side.
-// No stack of nodes: where a ray is in the pyramid says what its ancestors are. A byte for each level says how many of a node's children
-// are still to be visited and, nearest first, which. Their distances are not kept: the crossings found meanwhile rule them out
-// when their own children's boxes are met, which was measured to cost less.
+// Finds the nearest crossing in (t_min, t_max) of what can be hit, or any crossing of a skirt's far side.
+// There is no stack of nodes: where a ray is in the pyramid says what its ancestors are. A byte for each
+// level says how many of a node's children are still to be visited and, nearest first, which. Their distances
+// are not kept. The crossings found meanwhile rule them out when their own children's boxes are met, which
+// was measured to cost less.
 Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
     Crossing crossing = Crossing(t_max, NO_TRIANGLE);
     bvec3 forward = greaterThanEqual(d, vec3(0.0));
@@ -85,7 +89,8 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
     uint x = 0u, y = 0u;
     bool back = false, done = false;
     const uint MISS = 0xffffffffu;
-    // boxes in one loop, triangles in the other: a group of rays that walks together does either, not both (Aila and Laine 2009)
+    // Boxes are in one loop, triangles in the other. A group of rays that walks together does either, not
+    // both (Aila and Laine 2009).
     while (true) {
         while (true) {
             if (back) {
@@ -111,10 +116,10 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
             uvec3 near = mix(greatest, least, forward), far = mix(least, greatest, forward);
             vec4 enter = max(max(bytes(near.x) * scale.x + base.x, bytes(near.y) * scale.y + base.y), max(bytes(near.z) * scale.z + base.z, vec4(t_min)));
             vec4 leave = min(min(bytes(far.x) * scale.x + base.x, bytes(far.y) * scale.y + base.y), min(bytes(far.z) * scale.z + base.z, vec4(crossing.t)));
-            // distances sort as integers; their last bits say which child
+            // Distances sort as integers. Their last bits say which child it is.
             uvec4 key;
             [[unroll]] for (uint k = 0u; k < 4u; k++) {
-                // an empty child's bounds say nothing
+                // The bounds of an empty child say nothing.
                 bool met = (c.z & (1u << k)) != 0u && enter[k] <= leave[k] * 1.0000004;
                 key[k] = met ? (floatBitsToUint(abs(enter[k])) & ~3u) | k : MISS;
             }
@@ -143,7 +148,8 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
     return crossing;
 }
 
-// Closest hit of the real surface along a ray in (t_min, t_max); t_min ≥ 0, d of length 1.
+// Returns the closest hit of the real surface along a ray in (t_min, t_max), with t_min ≥ 0 and d of length
+// 1.
 PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
     Crossing crossing = walk(origin, d, t_min, t_max, false);
     if (crossing.triangle == NO_TRIANGLE) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
@@ -160,8 +166,8 @@ PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
     return hit;
 }
 
-// Whether a ray passes through a skirt's far side in (t_min, t_max), that is, through space that the capture never saw: beyond it
-// nobody knows what is there. Only where the pyramid has far sides.
+// Says whether a ray passes through a skirt's far side in (t_min, t_max), that is, through space that the
+// capture never saw. Nobody knows what lies beyond it. The pyramid must have far sides.
 bool panorama_unknown(vec3 origin, vec3 d, float t_min, float t_max) {
     return walk(origin, d, t_min, t_max, true).triangle != NO_TRIANGLE;
 }

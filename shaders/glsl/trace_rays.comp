@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Any rays against the panorama's surface: what `iprt bench --rays` times and the tracer's test compares with its oracle.
+// Any rays against the panorama's surface. `iprt bench --rays` times them, and the tracer's test compares
+// them with its oracle.
 // In: rays (m), depth, angles, pyramid. Out: answers.
 #include "common.glsl"
 #include "panorama.glsl"

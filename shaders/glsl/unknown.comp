@@ -1,8 +1,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// unknown: what a camera off the capture point sees that the capture never saw; for the window, no part of the frame.
-// In: depth, angles, pyramid with far sides. Out: 1 where the ray through a pixel's centre passes a skirt's far side before it meets
-// anything, or meets a skirt; 0 elsewhere.
+// unknown: what a camera off the capture point sees that the capture never saw. It serves the window and is
+// no part of the frame.
+// In: depth, angles, pyramid with far sides. Out: 1 where the ray through a pixel's centre passes a skirt's
+// far side before it meets anything, or meets a skirt; 0 elsewhere.
 #include "common.glsl"
 #include "panorama.glsl"
 #include "trace.glsl"
