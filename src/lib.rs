@@ -52,7 +52,7 @@
 //! use iprt::settings::{Method, Settings};
 //!
 //! # fn main() -> iprt::Result<()> {
-//! let gpu = Gpu::new(&GpuOptions { device: None, validation: false })?;
+//! let gpu = Gpu::new(&GpuOptions::default())?;
 //! let scene = Scene::load("my_room.toml".as_ref())?;
 //! let options = RenderOptions {
 //!     size: [1280, 720],

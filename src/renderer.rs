@@ -8,9 +8,9 @@ pub use interactive::Source;
 
 use crate::{
     Error, Result,
-    gpu::{Format, Frame, Gpu, Image, Pieces, Timings},
+    gpu::{Format, Frame, FrameOptions, Gpu, Image, Ticket, Timings},
     options::RenderOptions,
-    panorama::depth::Quantisation,
+    panorama::source::PanoramaFrame,
     passes::{
         atrous::Atrous,
         composite::Composite,
@@ -24,7 +24,7 @@ use crate::{
         panorama::{Needs, Panorama},
         radiance_pyramid::RadiancePyramid,
         sampling_mask::SamplingMask,
-        scene::SceneBuffers,
+        scene::{SceneBuffers, relative_to},
         temporal::{self, Temporal},
         unknown::Unknown,
         view::{Role, View, ViewData},
@@ -39,7 +39,7 @@ use crate::{
 };
 use glam::{Quat, Vec3};
 use std::{
-    collections::HashMap,
+    collections::{HashMap, VecDeque},
     sync::atomic::{AtomicU32, Ordering},
 };
 
@@ -61,26 +61,35 @@ pub struct Renderer {
     relight: Vec<View>,
     /// What rays are given where nothing is relit.
     nothing: Image,
-    quantisation: Quantisation,
     video_frame: Option<usize>,
     previous_time: Option<f64>,
     /// Where each instance was in the previous frame, by id: objects move by hand too.
     previous_objects: HashMap<u32, [[f32; 4]; 3]>,
     frame: u32,
     fault: Fault,
-    /// Submits frames in pieces, for others to have their turn in between.
-    pub pieces: Option<Pieces>,
-    /// Leaves the relit panorama as it is, once it has been made.
-    pub hold_relight: bool,
     spare: Vec<View>,
     unknown: Option<Unknown>,
-    #[doc(hidden)]
-    pub skip_barrier: Option<usize>,
-    #[doc(hidden)]
-    pub repeat: Option<(&'static str, u32)>,
-    barriers: usize,
     prepared: Timings,
 }
+
+/// What a frame is asked for besides its scene and time.
+#[derive(Clone, Debug, Default)]
+pub struct Wishes {
+    /// Leaves the relit panorama as it is, once it has been made.
+    pub hold_relight: bool,
+    /// How the frame is submitted.
+    pub submission: FrameOptions,
+}
+
+/// A frame that the device was given. [`Renderer::collect`] waits for it.
+#[must_use = "a frame that is not collected is waited for when it is dropped"]
+pub struct Begun {
+    ticket: Ticket,
+    new_video_frame: bool,
+}
+
+/// Frames that [`Renderer::render_all`] keeps submitted: one that the device draws, and the next.
+const IN_FLIGHT: usize = 2;
 
 /// The passes of a new video frame.
 struct Preparation {
@@ -104,7 +113,10 @@ struct Lighting {
 /// What is the same for all views of a frame.
 struct FrameState {
     video_frame: usize,
-    new_video_frame: bool,
+    /// Of the panorama, where this frame is the first to show it.
+    content: Option<PanoramaFrame>,
+    /// Relative to the panorama's centre.
+    instances: PackedInstances,
     moving: bool,
     /// Whether the relit panorama is to be made anew.
     relight: bool,
@@ -189,7 +201,6 @@ impl Renderer {
             picture: View::new(gpu, "picture", options.size, &plan, Role::Picture)?,
             relight,
             nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32f)?,
-            quantisation: Quantisation::None,
             video_frame: None,
             previous_time: None,
             previous_objects: HashMap::new(),
@@ -197,35 +208,75 @@ impl Renderer {
             plan,
             options,
             fault: Fault::None,
-            pieces: None,
-            hold_relight: false,
             spare: Vec::new(),
             unknown: None,
-            skip_barrier: None,
-            repeat: None,
-            barriers: 0,
             prepared: Timings::default(),
         })
     }
 
-    /// Renders the scene at a time in seconds. Motion is measured from the time of the previous call.
+    /// Renders the scene at a time in seconds, and waits. Motion is measured from the time of the previous call.
+    ///
+    /// # Errors
+    /// As [`Renderer::begin`] and [`Renderer::collect`].
     pub fn render(&mut self, scene: &Scene, time: f64) -> Result<Timings> {
-        let state = self.advance(scene, time)?;
-        if self.relight.first().is_some_and(|map| map.history_reset.is_some()) {
-            self.warm_up_relight(&state)?;
-        }
-        self.upload_views(&state)?;
-        let mut frame = self.gpu.frame()?;
-        frame.in_pieces(self.pieces.clone());
-        frame.skip_barrier(self.skip_barrier);
-        frame.repeat(self.repeat);
+        let begun = self.begin(scene, time, &Wishes::default())?;
+        self.collect(begun)
+    }
 
-        if state.new_video_frame {
-            self.prepare_panorama(&mut frame)?;
+    /// Renders a frame for each of these times, and tells the timings of each in order. While the device draws one, the next is
+    /// prepared.
+    ///
+    /// # Errors
+    /// As [`Renderer::begin`] and [`Renderer::collect`], and what `each` fails with; no further frame is begun then.
+    pub fn render_all(
+        &mut self,
+        scene: &Scene,
+        times: impl IntoIterator<Item = f64>,
+        wishes: &Wishes,
+        mut each: impl FnMut(Timings) -> Result<()>,
+    ) -> Result<()> {
+        let mut in_flight = VecDeque::with_capacity(IN_FLIGHT);
+        for time in times {
+            if in_flight.len() == IN_FLIGHT
+                && let Some(oldest) = in_flight.pop_front()
+            {
+                each(self.collect(oldest)?)?;
+            }
+            in_flight.push_back(self.begin(scene, time, wishes)?);
         }
+        in_flight.into_iter().try_for_each(|begun| each(self.collect(begun)?))
+    }
+
+    /// Waits for a frame. Frames are collected in the order in which they were begun.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] where the device is lost.
+    pub fn collect(&mut self, begun: Begun) -> Result<Timings> {
+        let timings = begun.ticket.wait()?;
+        if begun.new_video_frame {
+            self.prepared = timings.clone();
+        }
+        Ok(timings)
+    }
+
+    /// Hands a frame over to the device: the scene at a time in seconds. What is read from the renderer afterwards is of this frame.
+    ///
+    /// # Errors
+    /// Fails if the video frame cannot be read, or has another size than the first; if the device is out of memory or lost; or with
+    /// [`Error::Interrupted`] if the pieces in which it is submitted were stopped.
+    pub fn begin(&mut self, scene: &Scene, time: f64, wishes: &Wishes) -> Result<Begun> {
+        let state = self.advance(scene, time, wishes)?;
+        if self.relight.first().is_some_and(|map| map.history_reset.is_some()) {
+            self.warm_up_relight(&state, wishes)?;
+        }
+        let mut frame = self.gpu.frame_with(wishes.submission.clone())?;
+        self.upload(&mut frame, &state)?;
+        frame.barrier("all passes read what was uploaded");
+        self.prepare_panorama(&mut frame, &state)?;
         if state.relight {
             self.relight_panorama(&mut frame, &state)?;
         }
+        frame.barrier("gbuffer reads the panorama");
         self.look(&mut frame, &self.picture, &state)?;
         let lighting = self.lighting.as_ref();
         let light = |lighting| self.light(&mut frame, lighting, &self.picture, self.relight.last(), &state);
@@ -233,24 +284,31 @@ impl Renderer {
         frame.barrier("composite reads radiance and filtered irradiance");
         self.composite.record(&mut frame, &self.picture, irradiance)?;
 
-        self.barriers = frame.barriers();
-        let timings = frame.submit()?;
-        if state.new_video_frame {
-            self.prepared = timings.clone();
-        }
+        let begun = Begun { ticket: frame.submit()?, new_video_frame: state.content.is_some() };
         self.end_frame(&state, time);
-        Ok(timings)
+        Ok(begun)
+    }
+
+    /// What the device has to be told for this frame.
+    fn upload(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
+        frame.scope("upload", |frame| {
+            if let Some(content) = &state.content {
+                self.panorama.upload(frame, content)?;
+            }
+            self.scene.upload(frame, &state.instances)?;
+            self.upload_views(frame, state)
+        })
     }
 
     /// Once per video frame: what is derived from the panorama alone.
-    fn prepare_panorama(&self, frame: &mut Frame) -> Result<()> {
+    fn prepare_panorama(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         let (view, panorama) = (&self.picture.resources, &self.panorama);
-        let Some(passes) = &self.preparation else { return Ok(()) };
+        let (Some(content), Some(passes)) = (&state.content, &self.preparation) else { return Ok(()) };
         if let Some(radiance_pyramid) = &passes.radiance_pyramid {
             radiance_pyramid.record(frame, panorama)?;
         }
         if let Some(normals) = &passes.normals {
-            normals.record(frame, panorama, view, self.quantisation, self.plan.settings.normal_radius)?;
+            normals.record(frame, panorama, view, content.quantisation, self.plan.settings.normal_radius)?;
         }
         if let Some(depth_pyramid) = &passes.depth_pyramid {
             frame.barrier("depth_pyramid bounds the depth that normals wrote");
@@ -259,29 +317,27 @@ impl Renderer {
         if let Some(light_table) = &passes.light_table {
             light_table.record(frame, panorama, view)?;
         }
-        // light_table's own barrier comes after what the others wrote, and irradiance after that of sampling_mask
-        if passes.light_table.is_none() && (passes.radiance_pyramid.is_some() || passes.normals.is_some()) {
-            frame.barrier("gbuffer reads the panorama");
-        }
         Ok(())
     }
 
     /// Real surfaces, relit, for rays to see: the pipeline's own passes on a coarse panoramic view.
     fn relight_panorama(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         let Some(lighting) = &self.lighting else { return Ok(()) };
-        frame.scope("relight");
-        for (level, view) in self.relight.iter().enumerate() {
-            let below = level.checked_sub(1).map(|below| &self.relight[below]);
-            self.look(frame, view, state)?;
-            self.light(frame, lighting, view, below, state)?; // rays see it after the next view's barriers
-        }
-        frame.scope_end();
-        Ok(())
+        frame.scope("relight", |frame| {
+            let mut below = None;
+            for view in &self.relight {
+                frame.barrier("rays see real surfaces as the map below has them");
+                self.look(frame, view, state)?;
+                self.light(frame, lighting, view, below, state)?;
+                below = Some(view);
+            }
+            Ok(())
+        })
     }
 
     /// Pass 1 on one view.
     fn look(&self, frame: &mut Frame, view: &View, state: &FrameState) -> Result<()> {
-        let gbuffer = match self.role(view) {
+        let gbuffer = match view.role {
             Role::Relight => self.lighting.as_ref().and_then(|l| l.relight.as_ref()).map(|(gbuffer, _)| gbuffer),
             Role::Picture => {
                 let [looked_up, traced] = &self.gbuffer;
@@ -303,7 +359,6 @@ impl Renderer {
         state: &FrameState,
     ) -> Result<[&'a Image; 2]> {
         let settings = &self.plan.settings;
-        let role = self.role(view);
         let history = settings.temporal && view.history_reset.is_none();
         let clamp = if self.fault == Fault::HistoryKept {
             0.0
@@ -319,7 +374,7 @@ impl Renderer {
             }
             None => Relight { real: &self.nothing, change: &self.nothing },
         };
-        let mask = match (role, &lighting.relight) {
+        let mask = match (view.role, &lighting.relight) {
             (Role::Relight, Some((_, mask))) => mask,
             _ => &lighting.sampling_mask,
         };
@@ -338,9 +393,10 @@ impl Renderer {
             None => Ok(()),
         };
 
+        frame.barrier("sampling_mask reads what gbuffer saw");
         mask.record(frame, view, settings, history)?;
         frame.barrier("irradiance reads the compacted pixels");
-        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, &relight, role)?;
+        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, &relight)?;
         if let Some(interpolate) = &lighting.interpolate {
             frame.barrier("interpolate reads traced neighbours");
             interpolate.record(frame, view, settings)?;
@@ -359,22 +415,24 @@ impl Renderer {
         filtered(view, settings)
     }
 
-    fn role(&self, view: &View) -> Role {
-        if std::ptr::eq(view, &self.picture) { Role::Picture } else { Role::Relight }
-    }
-
     /// Where the picture is to converge, the relit panorama does so before the first one is accumulated over it.
-    fn warm_up_relight(&mut self, state: &FrameState) -> Result<()> {
+    fn warm_up_relight(&mut self, state: &FrameState, wishes: &Wishes) -> Result<()> {
+        let mut before: Option<Ticket> = None;
         for n in 0..if self.relight.is_empty() { 0 } else { self.plan.settings.relight_warmup } {
             self.frame = n;
-            self.upload_views(state)?;
-            let mut frame = self.gpu.frame()?;
-            frame.in_pieces(self.pieces.clone());
+            let mut frame = self.gpu.frame_with(wishes.submission.clone())?;
             if n == 0 {
-                self.prepare_panorama(&mut frame)?;
+                self.upload(&mut frame, state)?;
+                frame.barrier("all passes read what was uploaded");
+                self.prepare_panorama(&mut frame, state)?;
+            } else {
+                self.upload_views(&mut frame, state)?;
             }
+            frame.barrier("all passes read what was uploaded");
             self.relight_panorama(&mut frame, state)?;
-            frame.submit()?;
+            if let Some(before) = before.replace(frame.submit()?) {
+                before.wait()?;
+            }
             for view in &mut self.relight {
                 end_view(view, relight_viewpoint(self.panorama.yaw_degrees));
                 view.resources.swap_history();
@@ -384,21 +442,10 @@ impl Renderer {
     }
 
     /// Loads what the time asks for, and finds out what has moved.
-    fn advance(&mut self, scene: &Scene, time: f64) -> Result<FrameState> {
+    fn advance(&mut self, scene: &Scene, time: f64, wishes: &Wishes) -> Result<FrameState> {
         let video_frame = if self.plan.on(Part::Video) { scene.panorama.frame_at(time) } else { 0 };
         let new_video_frame = self.video_frame != Some(video_frame);
-        if new_video_frame {
-            let mut content = scene.panorama.load(video_frame)?;
-            if self.fault == Fault::DepthStale {
-                content.depth = scene.panorama.load(0)?.depth;
-            }
-            if content.color_size != self.panorama.color_size || content.depth_size != self.panorama.depth_size {
-                let problem = format!("frame {video_frame} has another size than the first");
-                return Err(Error::input("panorama", problem, "all frames of a video must have one size"));
-            }
-            self.quantisation = content.quantisation;
-            self.panorama.upload(&self.gpu, &content)?;
-        }
+        let content = new_video_frame.then(|| self.video_frame(scene, video_frame)).transpose()?;
         let mut state = scene.at(time, self.previous_time.unwrap_or(time));
         if self.options.without_objects || !self.plan.on(Part::Objects) {
             state.instances = PackedInstances::default();
@@ -412,8 +459,8 @@ impl Renderer {
         let changes = objects_move || (new_video_frame && self.video_frame.is_some());
         let moving = changes && self.plan.on(Part::Motion);
         let viewpoint = viewpoint(&self.options, scene, &state.camera);
-        self.scene.update(&self.gpu, state.instances, scene.panorama.position)?;
-        let relight = !self.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
+        let instances = relative_to(scene.panorama.position, state.instances);
+        let relight = !wishes.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
         let maps = if relight { &mut self.relight[..] } else { &mut [] };
         for view in std::iter::once(&mut self.picture).chain(maps) {
             view.resources.swap_history();
@@ -421,7 +468,19 @@ impl Renderer {
                 tracing::debug!("history is reset: {reason}");
             }
         }
-        Ok(FrameState { video_frame, new_video_frame, moving, relight, viewpoint })
+        Ok(FrameState { video_frame, content, instances, moving, relight, viewpoint })
+    }
+
+    fn video_frame(&self, scene: &Scene, number: usize) -> Result<PanoramaFrame> {
+        let mut content = scene.panorama.load(number)?;
+        if self.fault == Fault::DepthStale {
+            content.depth = scene.panorama.load(0)?.depth;
+        }
+        if content.color_size != self.panorama.color_size || content.depth_size != self.panorama.depth_size {
+            let problem = format!("frame {number} has another size than the first");
+            return Err(Error::input("panorama", problem, "all frames of a video must have one size"));
+        }
+        Ok(content)
     }
 
     fn end_frame(&mut self, state: &FrameState, time: f64) {
@@ -438,22 +497,18 @@ impl Renderer {
         self.frame += 1;
     }
 
-    fn upload_views(&self, state: &FrameState) -> Result<()> {
+    fn upload_views(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         let relight = relight_viewpoint(self.panorama.yaw_degrees);
-        for (level, view) in self.relight.iter().enumerate() {
-            self.upload_view(view, relight, level > 0, level as u32 + 1, state)?;
+        for (level, view) in (0..).zip(&self.relight) {
+            let data = self.view_data(view, relight, level > 0, level + 1, state);
+            frame.write_buffer(&view.data, 0, &[data])?;
         }
-        self.upload_view(&self.picture, state.viewpoint, !self.relight.is_empty(), 0, state)
+        let data = self.view_data(&self.picture, state.viewpoint, !self.relight.is_empty(), 0, state);
+        frame.write_buffer(&self.picture.data, 0, &[data])
     }
 
-    fn upload_view(
-        &self,
-        view: &View,
-        viewpoint: Viewpoint,
-        relit: bool,
-        stream: u32,
-        state: &FrameState,
-    ) -> Result<()> {
+    /// What every pass on a view reads. `relit`: whether its rays see a relit map. Each view has a stream of random numbers of its own.
+    fn view_data(&self, view: &View, viewpoint: Viewpoint, relit: bool, stream: u32, state: &FrameState) -> ViewData {
         let settings = &self.plan.settings;
         let mut data = ViewData {
             size: view.size,
@@ -461,7 +516,7 @@ impl Renderer {
             seed: self.seed().wrapping_add(stream.wrapping_mul(0x9e37_79b9)),
             edge_ratio: settings.edge_ratio,
             thickness: settings.thickness,
-            instance_count: self.scene.instance_count,
+            instance_count: state.instances.instances.len() as u32,
             bounces: settings.bounces,
             coverage_samples: settings.coverage_samples,
             rays_per_16: ((settings.rays_per_pixel * 16.0).round() as u32).clamp(1, 16),
@@ -476,7 +531,7 @@ impl Renderer {
         };
         self.panorama.describe(&mut data);
         data.look(&viewpoint, &view.previous.unwrap_or(viewpoint));
-        self.gpu.write_buffer(&view.data, 0, &[data])
+        data
     }
 
     fn seed(&self) -> u32 {
@@ -510,11 +565,6 @@ impl Renderer {
     /// Timings of the last frame that prepared a new video frame.
     pub fn prepared(&self) -> &Timings {
         &self.prepared
-    }
-
-    /// Barriers in the last frame.
-    pub fn barriers(&self) -> usize {
-        self.barriers
     }
 
     /// Drops the history of the picture and of the relit panorama.

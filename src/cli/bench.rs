@@ -9,7 +9,7 @@ use crate::{
     image_file::write::write_bytes,
     measure::{bench, rays},
     passes,
-    renderer::Renderer,
+    renderer::{Renderer, Wishes},
 };
 use std::path::PathBuf;
 
@@ -73,7 +73,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     let count = last - first + 1;
     let bar = progress(args.picture.quiet, u64::from(args.warmup) + u64::from(count), "measuring");
-    let report = bench::run(&mut renderer, &scene, first, count, args.warmup, || bar.inc(1))?;
+    let report = bench::run(&mut renderer, &scene, first, count, args.warmup, &Wishes::default(), || bar.inc(1))?;
     bar.finish_and_clear();
     super::print(report.table().trim_end())?;
     write_json(args, &report)?;

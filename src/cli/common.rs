@@ -4,7 +4,7 @@ use crate::{
     Error, Result,
     gpu::{Gpu, GpuOptions},
     options::RenderOptions,
-    reference::capture::{CaptureSettings, built_in_scene},
+    reference::capture::{CaptureSettings, built_in_scene, cache_folder},
     scene::{CompleteScene, Scene, rooms, viewpoint::Projection},
     settings::{Method, Settings},
 };
@@ -28,7 +28,13 @@ pub struct DeviceArgs {
 impl DeviceArgs {
     /// Opens the device.
     pub fn open(&self) -> Result<Gpu> {
-        Gpu::new(&GpuOptions { device: self.device.clone(), validation: self.validation })
+        Gpu::new(&self.gpu_options())
+    }
+
+    /// What the device is opened by. Pipelines are kept in the user's cache folder.
+    pub fn gpu_options(&self) -> GpuOptions {
+        let pipeline_cache = cache_folder().map(|folder| folder.join("pipelines"));
+        GpuOptions { device: self.device.clone(), validation: self.validation, pipeline_cache }
     }
 
     /// Closes the device. Under validation every message is shown, and is an error.

@@ -9,7 +9,7 @@ use crate::{
     measure::bench,
     output::{FileKind, write},
     plan::Plan,
-    renderer::Renderer,
+    renderer::{Renderer, Wishes},
     scene::Scene,
     settings::Method,
 };
@@ -89,18 +89,19 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let bar =
         progress(args.picture.quiet, u64::from(warmup) + u64::from(last - first + 1) * u64::from(spp), "rendering");
-    for _ in 0..warmup {
-        renderer.render(&scene, scene.panorama.frame_time(first as usize))?;
-        bar.inc(1);
-    }
+    let render = |renderer: &mut Renderer, frame: u32, count: u32| {
+        let times = std::iter::repeat_n(scene.panorama.frame_time(frame as usize), count as usize);
+        renderer.render_all(&scene, times, &Wishes::default(), |_| {
+            bar.inc(1);
+            Ok(())
+        })
+    };
+    render(&mut renderer, first, warmup)?;
     for frame in first..=last {
         if converge {
             renderer.reset_history("a picture of its own");
         }
-        for _ in 0..spp {
-            renderer.render(&scene, scene.panorama.frame_time(frame as usize))?;
-            bar.inc(1);
-        }
+        render(&mut renderer, frame, spp)?;
         let path = if sequence { expand(&args.output, frame) } else { args.output.clone() };
         write(&renderer, &scene, &path, kind, exposure, &args.aov)?;
         bar.suspend(|| {
@@ -119,7 +120,7 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::BenchReport> {
-    bench::run(renderer, scene, first, frames, 1, || {})
+    bench::run(renderer, scene, first, frames, 1, &Wishes::default(), || {})
 }
 
 /// Fails if an image does not exist. It is called before rendering, which may take hours.

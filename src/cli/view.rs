@@ -3,7 +3,6 @@
 use super::common::{DeviceArgs, open_scene, parse_size};
 use crate::{
     Error, Result,
-    gpu::GpuOptions,
     image_file::write::write_bytes,
     scene::rooms,
     settings::Method,
@@ -62,8 +61,7 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(path) = &args.report {
         super::render::require_folder(path)?;
     }
-    let gpu = GpuOptions { device: args.device.device.clone(), validation: args.device.validation };
-    let options = viewer::Options { gpu, size, target_ms: args.target_ms, script };
+    let options = viewer::Options { gpu: args.device.gpu_options(), size, target_ms: args.target_ms, script };
     let (validation, report) = (args.device.validation, args.report.clone());
     let open: Open = Box::new(move |gpu| open(&args, gpu));
     let result = viewer::run(options, open)?;

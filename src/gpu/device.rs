@@ -3,6 +3,7 @@
 use std::{
     collections::HashMap,
     ffi::CString,
+    path::{Path, PathBuf},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError, Weak,
         atomic::{AtomicU64, Ordering},
@@ -17,6 +18,7 @@ use super::{
     adapter,
     memory::Format,
     pass::{Making, PassData, PassKey},
+    pipeline_cache::PipelineCache,
     slot::Slot,
     timing::Clock,
     transfer::Staging,
@@ -31,6 +33,8 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Runs under the validation layer, with synchronization checks.
     pub validation: bool,
+    /// Where pipelines are kept between runs; `None`: nowhere.
+    pub pipeline_cache: Option<PathBuf>,
 }
 
 /// A Vulkan 1.3 device with one compute queue. Cheap to clone; whatever is made from it keeps it alive.
@@ -44,6 +48,7 @@ pub(super) struct Shared {
     pub max_buffer_bytes: u64,
     pub clock: Clock,
     pub samplers: [vk::Sampler; 2], // linear, nearest
+    pub pipeline_cache: PipelineCache,
     pub linear_filter: [bool; Format::ALL.len()],
     pub storage: [bool; Format::ALL.len()],
     pub live_bytes: AtomicU64,
@@ -170,6 +175,7 @@ struct Parts {
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     allocator: memory::Allocator,
     samplers: [vk::Sampler; 2],
+    pipeline_cache: PipelineCache,
 }
 
 fn open(
@@ -235,12 +241,23 @@ fn open(
                 return Err(error);
             }
         };
+        let folder = options.pipeline_cache.as_deref();
+        let pipeline_cache = match pipeline_cache(instance, &device, chosen.handle, folder) {
+            Ok(cache) => cache,
+            Err(error) => {
+                samplers.into_iter().for_each(|s| device.destroy_sampler(s, None));
+                drop(allocator);
+                device.destroy_device(None);
+                return Err(error);
+            }
+        };
         let messenger = if options.validation {
             let debug = ash::ext::debug_utils::Instance::new(entry, instance);
             // Without a messenger there would be no messages: as good as no layer.
             match debug.create_debug_utils_messenger(&validation::messenger(log), None) {
                 Ok(messenger) => Some((debug, messenger)),
                 Err(result) => {
+                    pipeline_cache.close(&device);
                     samplers.into_iter().for_each(|s| device.destroy_sampler(s, None));
                     drop(allocator);
                     device.destroy_device(None);
@@ -251,8 +268,19 @@ fn open(
             None
         };
         let debug = labels.then(|| ash::ext::debug_utils::Device::new(instance, &device));
-        Ok(Parts { chosen, device, debug, messenger, allocator, samplers })
+        Ok(Parts { chosen, device, debug, messenger, allocator, samplers, pipeline_cache })
     }
+}
+
+fn pipeline_cache(
+    instance: &ash::Instance,
+    device: &ash::Device,
+    physical: vk::PhysicalDevice,
+    folder: Option<&Path>,
+) -> Result<PipelineCache> {
+    // SAFETY: the physical device belongs to `instance`.
+    let properties = unsafe { instance.get_physical_device_properties(physical) };
+    PipelineCache::open(device, &properties, folder)
 }
 
 /// A linear and a nearest sampler that wrap around the panorama and stop at its poles.
@@ -307,6 +335,7 @@ impl Parts {
             device: self.device,
             debug: self.debug,
             samplers: self.samplers,
+            pipeline_cache: self.pipeline_cache,
             live_bytes: AtomicU64::new(0),
             next_id: AtomicU64::new(0),
             allocator: Mutex::new(Some(self.allocator)),
@@ -325,6 +354,7 @@ impl Parts {
         };
         shared.label(shared.samplers[0], "linear sampler");
         shared.label(shared.samplers[1], "nearest sampler");
+        shared.label(shared.pipeline_cache.handle(), "pipelines");
         shared
     }
 }
@@ -393,7 +423,7 @@ impl Drop for Shared {
             let _ = self.device.device_wait_idle(); // a lost device is torn down all the same
             let slots = std::mem::take(&mut *lock(&self.slots));
             for slot in slots {
-                slot.destroy(&self.device);
+                slot.destroy(self);
             }
             let staging = lock(&self.staging).take();
             if let Some(staging) = staging {
@@ -402,6 +432,7 @@ impl Drop for Shared {
             for sampler in self.samplers {
                 self.device.destroy_sampler(sampler, None);
             }
+            self.pipeline_cache.close(&self.device);
             drop(lock(&self.allocator).take());
             self.device.destroy_device(None);
             if let Some((debug, messenger)) = &self.messenger {

@@ -6,11 +6,13 @@ use ash::vk;
 
 use super::{
     device::{Gpu, Shared, during},
-    frame::{Action, Bind, Command, Groups},
+    frame::{Action, Bind, Command, Destination, Groups},
     memory::Image,
     reflect::Kind,
-    slot::{KINDS, Slot},
-    timing::{self, Timings},
+    slot::{HeldSlot, KINDS, Slot},
+    ticket::Ticket,
+    timing::{Entry, Timings},
+    transfer,
 };
 use crate::{Error, Result};
 
@@ -99,24 +101,14 @@ pub(super) fn immediate(shared: &Shared, what: &str, record: impl FnOnce(vk::Com
         return begun;
     }
     record(slot.commands);
-    slot.finish(shared).map_err(during(what))?; // a slot that the device may still use is not given back
+    // A slot that the device may still use is not given back.
+    slot.submit(shared).and_then(|()| slot.wait(shared)).map_err(during(what))?;
     shared.return_slot(slot);
     Ok(())
 }
 
-/// Records, submits and waits for a frame.
-pub(super) fn run(gpu: &Gpu, commands: Vec<Command>) -> Result<Timings> {
-    let names = names_of(&commands);
-    if names.is_empty() {
-        return Ok(Timings::default());
-    }
-    let stamps = run_piece(&gpu.0, commands, &names)?;
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    Ok(gpu.0.clock.timings(&names, &stamps))
-}
-
-/// The same for the pieces of a frame, one after the other; asks before each whether to stop. Times are from submission to fence: others use
-/// the queue in between, and a driver that draws on the CPU takes the timestamps of both when it has drawn.
+/// Runs the pieces of a frame one after the other; asks before each whether to stop. Times are from submission to fence: others
+/// use the queue in between, and a driver that draws on the CPU takes the timestamps of both when it has drawn.
 pub(super) fn run_pieces(gpu: &Gpu, pieces: Vec<Vec<Command>>, stopped: &dyn Fn() -> bool) -> Result<Timings> {
     let start = Instant::now();
     let elapsed = || start.elapsed().as_secs_f64() * 1e3;
@@ -129,67 +121,18 @@ pub(super) fn run_pieces(gpu: &Gpu, pieces: Vec<Vec<Command>>, stopped: &dyn Fn(
                 remedy: "render it again".into(),
             });
         }
-        let (names, begun) = (names_of(&commands), elapsed());
-        run_piece(&gpu.0, commands, &names)?;
+        let start_ms = elapsed();
+        let piece = Ticket::submit(gpu, HeldSlot::take(gpu)?, commands)?.wait()?;
         timings.gpu_ms = elapsed();
-        for name in names {
-            timings.entries.push((name, timings.gpu_ms - begun));
-            timings.starts_ms.push(begun);
-        }
+        let ms = timings.gpu_ms - start_ms;
+        timings.entries.extend(piece.entries.into_iter().map(|entry| Entry { path: entry.path, start_ms, ms }));
     }
     Ok(timings)
 }
 
-fn names_of(commands: &[Command]) -> Vec<String> {
-    let runs = commands.iter().filter_map(|command| match command {
-        Command::Run { name, .. } => Some(name.clone()),
-        Command::Barrier(_) => None,
-    });
-    runs.collect()
-}
-
-/// One submission, waited for; its timestamps.
-fn run_piece(shared: &Shared, commands: Vec<Command>, names: &[String]) -> Result<Vec<u64>> {
-    let mut slot = shared.take_slot()?;
-    if let Err(error) = record(shared, &mut slot, &commands, 2 * names.len() as u32) {
-        shared.return_slot(slot);
-        return Err(error);
-    }
-    let finished = slot.finish(shared);
-    let stamps = read_stamps(shared, &slot, 2 * names.len());
-    match (finished, stamps) {
-        (Ok(()), Ok(stamps)) if stamps.iter().all(|stamp| stamp[1] != 0) => {
-            shared.return_slot(slot);
-            Ok(stamps.iter().map(|stamp| stamp[0]).collect())
-        }
-        (Ok(()), stamps) => {
-            shared.return_slot(slot);
-            let result = stamps.err().unwrap_or(vk::Result::NOT_READY);
-            Err(during("vkGetQueryPoolResults for the timestamps of a finished frame")(result))
-        }
-        (Err(result), stamps) => {
-            let written: Vec<bool> = stamps.unwrap_or_default().iter().map(|stamp| stamp[1] != 0).collect();
-            let names: Vec<&str> = names.iter().map(String::as_str).collect();
-            let place = timing::where_it_stopped(&names, &written);
-            // The device may still be using all this: it is never freed.
-            std::mem::forget(commands);
-            Err(Error::Vulkan { during: format!("the frame stopped {place}"), result })
-        }
-    }
-}
-
-/// Timestamps and whether each was written. Never waits.
-fn read_stamps(shared: &Shared, slot: &Slot, count: usize) -> std::result::Result<Vec<[u64; 2]>, vk::Result> {
-    let mut stamps = vec![[0u64; 2]; count];
-    let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WITH_AVAILABILITY;
-    // SAFETY: the pool holds at least `count` queries.
-    match unsafe { shared.device.get_query_pool_results(slot.queries, 0, &mut stamps, flags) } {
-        Ok(()) | Err(vk::Result::NOT_READY) => Ok(stamps),
-        Err(result) => Err(result),
-    }
-}
-
-fn record(shared: &Shared, slot: &mut Slot, commands: &[Command], queries: u32) -> Result<()> {
+/// Records everything between the beginning and the end of a submission, with two timestamps around each entry.
+pub(super) fn record(shared: &Shared, slot: &mut Slot, commands: &[Command]) -> Result<()> {
+    let queries = 2 * commands.iter().filter_map(Command::path).count() as u32;
     let mut counts = [0; 1 + KINDS.len()];
     for command in commands {
         if let Command::Run { action: Action::Dispatch { pass, .. }, .. } = command {
@@ -236,6 +179,14 @@ fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
         match action {
             Action::Fill { buffer, value } => {
                 device.cmd_fill_buffer(commands, buffer.handle(), 0, vk::WHOLE_SIZE, *value);
+            }
+            Action::Write { from: (staging, from), to: Destination::Buffer { buffer, offset, bytes } } => {
+                let region = vk::BufferCopy { src_offset: *from, dst_offset: *offset, size: *bytes };
+                device.cmd_copy_buffer(commands, *staging, buffer.handle(), &[region]);
+            }
+            Action::Write { from: (staging, from), to: Destination::Image { image, layer, level } } => {
+                let region = transfer::region(image, *layer, *level)?.buffer_offset(*from);
+                device.cmd_copy_buffer_to_image(commands, *staging, image.handle(), general, &[region]);
             }
             Action::CopyBuffer { from, to } => {
                 let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: from.bytes() };

@@ -1,9 +1,12 @@
-//! Records dispatches, transfers and barriers, checks them, and submits them as one piece of work.
+//! Records dispatches, transfers and barriers, checks them, and hands them over to the device as one piece of work.
 
 use std::sync::{
     Arc,
     atomic::{AtomicBool, Ordering},
 };
+
+use ash::vk;
+use bytemuck::Pod;
 
 use super::{
     device::Gpu,
@@ -13,7 +16,10 @@ use super::{
     memory::{Buffer, Image},
     pass::Pass,
     reflect::{Binding, Kind},
+    slot::HeldSlot,
+    ticket::Ticket,
     timing::Timings,
+    transfer,
 };
 use crate::{Error, Result};
 
@@ -67,12 +73,12 @@ pub(super) enum Groups {
 /// Workgroups of one piece of a frame that is submitted in pieces.
 const PIECE: u32 = 512;
 
-/// Lets others use the queue between the dispatches of a frame, and stops it half way.
+/// Lets others use the queue between the dispatches of a frame, and stops the frame half way.
 #[derive(Clone, Debug, Default)]
 pub struct Pieces(Arc<AtomicBool>);
 
 impl Pieces {
-    /// What is being submitted in these pieces ends early with [`Error::Interrupted`], until [`Pieces::go_on`].
+    /// Frames that are submitted in these pieces end early with [`Error::Interrupted`], until [`Pieces::go_on`] is called.
     pub fn stop(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -82,7 +88,7 @@ impl Pieces {
         self.0.store(false, Ordering::Relaxed);
     }
 
-    /// Whether it is stopped.
+    /// Whether frames are to stop.
     pub fn stopped(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -90,16 +96,46 @@ impl Pieces {
 
 #[derive(Clone)]
 pub(super) enum Action {
-    Dispatch { pass: Pass, binds: Vec<Bind>, push: Vec<u8>, groups: Groups },
-    Fill { buffer: Buffer, value: u32 },
-    CopyImage { from: Image, to: Image },
-    CopyBuffer { from: Buffer, to: Buffer },
+    Dispatch {
+        pass: Pass,
+        binds: Vec<Bind>,
+        push: Vec<u8>,
+        groups: Groups,
+    },
+    Fill {
+        buffer: Buffer,
+        value: u32,
+    },
+    /// From the slot's staging memory: the buffer, and where in it the bytes begin.
+    Write {
+        from: (vk::Buffer, u64),
+        to: Destination,
+    },
+    CopyImage {
+        from: Image,
+        to: Image,
+    },
+    CopyBuffer {
+        from: Buffer,
+        to: Buffer,
+    },
+}
+
+/// What is written.
+#[derive(Clone)]
+pub(super) enum Destination {
+    /// So many bytes, from an offset on.
+    Buffer { buffer: Buffer, offset: u64, bytes: u64 },
+    /// One layer of one level.
+    Image { image: Image, layer: u32, level: u32 },
 }
 
 impl Action {
-    /// What it is, for labels and hazards, whatever name it is timed under.
+    /// What it is called in labels, hazards and timings.
     pub(super) fn label(&self) -> String {
         match self {
+            Self::Write { to: Destination::Buffer { buffer, .. }, .. } => format!("write {}", buffer.name()),
+            Self::Write { to: Destination::Image { image, .. }, .. } => format!("write {}", image.name()),
             Self::Dispatch { pass, .. } => pass.name().to_owned(),
             Self::Fill { buffer, .. } => format!("fill {}", buffer.name()),
             Self::CopyImage { from, to } => format!("copy {} to {}", from.name(), to.name()),
@@ -111,7 +147,12 @@ impl Action {
         let buffer = |b: &Buffer| Resource { id: b.id(), level: 0 };
         let image = |i: &Image, level| Resource { id: i.id(), level };
         match self {
-            Self::Fill { buffer: b, .. } => vec![(buffer(b), b.name(), Access::Write)],
+            Self::Fill { buffer: b, .. } | Self::Write { to: Destination::Buffer { buffer: b, .. }, .. } => {
+                vec![(buffer(b), b.name(), Access::Write)]
+            }
+            Self::Write { to: Destination::Image { image: i, level, .. }, .. } => {
+                vec![(image(i, *level), i.name(), Access::Write)]
+            }
             Self::CopyBuffer { from, to } => {
                 vec![(buffer(from), from.name(), Access::Read), (buffer(to), to.name(), Access::Write)]
             }
@@ -143,50 +184,73 @@ impl Action {
 }
 
 pub(super) enum Command {
-    /// Timed under `name`.
-    Run { name: String, action: Action },
+    /// Timed under `path`: the scopes, the outermost first, and the action's own name.
+    Run { path: Vec<String>, action: Action },
     /// Says what it separates.
     Barrier(String),
+}
+
+impl Command {
+    /// The path of what is timed.
+    pub(super) fn path(&self) -> Option<&[String]> {
+        match self {
+            Self::Run { path, .. } => Some(path),
+            Self::Barrier(_) => None,
+        }
+    }
+}
+
+/// How a frame is submitted.
+#[derive(Clone, Debug, Default)]
+pub struct FrameOptions {
+    /// Submits it piece by piece, each waited for, so that other submissions get their turn in between.
+    pub pieces: Option<Pieces>,
+    /// For tests: leaves out the n-th of the barriers that are needed, from 0.
+    #[doc(hidden)]
+    pub skip_barrier: Option<usize>,
+    /// For tests: submits in spite of hazards, to see what the validation layer makes of them.
+    #[doc(hidden)]
+    pub ignore_hazards: bool,
+    /// For tests: every dispatch of the pass of this name runs so many times more, so that it is slow.
+    #[doc(hidden)]
+    pub repeat: Option<(&'static str, u32)>,
 }
 
 /// One piece of GPU work, recorded in order. Nothing runs before [`Frame::submit`].
 pub struct Frame {
     gpu: Gpu,
+    slot: HeldSlot,
     commands: Vec<Command>,
     scopes: Vec<String>,
-    skipped_barrier: Option<usize>,
-    ignore_hazards: bool,
-    repeated: Option<(&'static str, u32)>,
-    pieces: Option<Pieces>,
+    options: FrameOptions,
 }
 
 impl Gpu {
     /// Starts recording.
     ///
     /// # Errors
-    /// None at present; recording may come to need device objects.
+    /// [`Error::Vulkan`] where no command buffer can be had.
     pub fn frame(&self) -> Result<Frame> {
-        Ok(Frame {
-            gpu: self.clone(),
-            commands: Vec::new(),
-            scopes: Vec::new(),
-            skipped_barrier: None,
-            ignore_hazards: false,
-            repeated: None,
-            pieces: None,
-        })
+        self.frame_with(FrameOptions::default())
+    }
+
+    /// Starts recording a frame that is submitted in a way of its own.
+    ///
+    /// # Errors
+    /// As [`Gpu::frame`].
+    pub fn frame_with(&self, options: FrameOptions) -> Result<Frame> {
+        let slot = HeldSlot::take(self)?;
+        Ok(Frame { gpu: self.clone(), slot, commands: Vec::new(), scopes: Vec::new(), options })
     }
 }
 
 impl Frame {
-    /// What is recorded from here to [`Frame::scope_end`] is timed under `name`. Scopes nest; the outermost names.
-    pub fn scope(&mut self, name: &str) {
+    /// What `record` records is timed as a part of `name`. Scopes nest.
+    pub fn scope<R>(&mut self, name: &str, record: impl FnOnce(&mut Self) -> R) -> R {
         self.scopes.push(name.to_owned());
-    }
-
-    /// Ends the innermost scope.
-    pub fn scope_end(&mut self) {
+        let recorded = record(self);
         self.scopes.pop();
+        recorded
     }
 
     /// Runs `pass` with these bindings (by GLSL name, in any order) and push constants (`&()` for none). A size with
@@ -231,18 +295,56 @@ impl Frame {
             }
         };
         let push = bytemuck::bytes_of(push).to_vec();
-        self.run(Action::Dispatch { pass: pass.clone(), binds: ordered, push, groups });
+        self.record(Action::Dispatch { pass: pass.clone(), binds: ordered, push, groups });
         Ok(())
     }
 
-    /// What follows waits for, and sees, all that came before. `why` says what it separates.
+    /// What follows waits for, and sees, all that came before. `why` says what it separates. A barrier that separates no
+    /// accesses that conflict is left out when the frame is submitted: whoever records a pass need not know what others recorded.
     pub fn barrier(&mut self, why: &str) {
         self.commands.push(Command::Barrier(why.to_owned()));
     }
 
     /// Fills a buffer with one 32-bit value.
     pub fn fill(&mut self, buffer: &Buffer, value: u32) {
-        self.run(Action::Fill { buffer: buffer.clone(), value });
+        self.record(Action::Fill { buffer: buffer.clone(), value });
+    }
+
+    /// Writes `data` to a buffer, from `offset` bytes on. The data is copied here, so it need not outlive the call.
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where it does not fit.
+    pub fn write_buffer<T: Pod>(&mut self, buffer: &Buffer, offset: u64, data: &[T]) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let size = bytes.len() as u64;
+        if offset.checked_add(size).is_none_or(|end| end > buffer.bytes()) {
+            let (name, room) = (buffer.name(), buffer.bytes());
+            return Err(Error::Internal(format!("{size} bytes at {offset} do not fit {name}'s {room}")));
+        }
+        if size == 0 {
+            return Ok(());
+        }
+        let from = self.slot.stage(&self.gpu.0, bytes)?;
+        let to = Destination::Buffer { buffer: buffer.clone(), offset, bytes: size };
+        self.record(Action::Write { from, to });
+        Ok(())
+    }
+
+    /// Writes one layer of one level: tightly packed rows in the image's format.
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where the data has another size than the level, or there is no such layer or level.
+    pub fn write_image<T: Pod>(&mut self, image: &Image, layer: u32, level: u32, data: &[T]) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        transfer::region(image, layer, level).map(drop)?;
+        let wanted = transfer::level_bytes(image, level);
+        if bytes.len() as u64 != wanted {
+            let problem = format!("level {level} of {image:?} takes {wanted} bytes, not {}", bytes.len());
+            return Err(Error::Internal(problem));
+        }
+        let from = self.slot.stage(&self.gpu.0, bytes)?;
+        self.record(Action::Write { from, to: Destination::Image { image: image.clone(), layer, level } });
+        Ok(())
     }
 
     /// Copies all layers and levels of an image to another of the same shape and format.
@@ -254,7 +356,7 @@ impl Frame {
         if shape(from) != shape(to) {
             return Err(Error::Internal(format!("{from:?} cannot be copied to {to:?}")));
         }
-        self.run(Action::CopyImage { from: from.clone(), to: to.clone() });
+        self.record(Action::CopyImage { from: from.clone(), to: to.clone() });
         Ok(())
     }
 
@@ -266,83 +368,89 @@ impl Frame {
         if from.bytes() > to.bytes() {
             return Err(Error::Internal(format!("{from:?} does not fit {to:?}")));
         }
-        self.run(Action::CopyBuffer { from: from.clone(), to: to.clone() });
+        self.record(Action::CopyBuffer { from: from.clone(), to: to.clone() });
         Ok(())
     }
 
-    /// How many barriers have been recorded.
-    pub fn barriers(&self) -> usize {
-        self.commands.iter().filter(|c| matches!(c, Command::Barrier(_))).count()
-    }
-
-    /// Submits it piece by piece, each waited for, so that other submissions get their turn in between.
-    pub fn in_pieces(&mut self, pieces: Option<Pieces>) {
-        self.pieces = pieces;
-    }
-
-    /// For tests: leaves the n-th barrier (from 0) out.
-    #[doc(hidden)]
-    pub fn skip_barrier(&mut self, n: Option<usize>) {
-        self.skipped_barrier = n;
-    }
-
-    /// For tests: submits in spite of hazards, to see what the validation layer makes of them.
-    #[doc(hidden)]
-    pub fn ignore_hazards(&mut self, ignore: bool) {
-        self.ignore_hazards = ignore;
-    }
-
-    /// For tests: every dispatch of the pass called `name` runs `times` more, so that it is slow.
-    #[doc(hidden)]
-    pub fn repeat(&mut self, repeated: Option<(&'static str, u32)>) {
-        self.repeated = repeated;
+    /// Hands what was recorded over to the device; the ticket gives the timings. Barriers that separate nothing are left out.
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where a barrier is missing, with nothing submitted; [`Error::Interrupted`] where [`Pieces::stop`]
+    /// was called; [`Error::Vulkan`] where the device does not take it.
+    pub fn submit(self) -> Result<Ticket> {
+        let commands = needed(self.commands, &self.options)?;
+        match &self.options.pieces {
+            Some(pieces) => {
+                let timings = encode::run_pieces(&self.gpu, cut(commands), &|| pieces.stopped())?;
+                Ok(Ticket::done(timings))
+            }
+            None => Ticket::submit(&self.gpu, self.slot, commands),
+        }
     }
 
     /// Submits what was recorded and waits until it has run.
     ///
     /// # Errors
-    /// [`Error::Internal`] where a barrier is missing, with nothing submitted; [`Error::Vulkan`] that names the last
-    /// pass that ran where the device is lost or does not finish; [`Error::Interrupted`] where [`Pieces::stop`] was called.
-    pub fn submit(self) -> Result<Timings> {
-        let mut barriers = 0;
-        let skipped = self.skipped_barrier;
-        let commands: Vec<_> = self
-            .commands
-            .into_iter()
-            .filter(|command| {
-                let is_barrier = matches!(command, Command::Barrier(_));
-                barriers += usize::from(is_barrier);
-                !(is_barrier && Some(barriers - 1) == skipped)
-            })
-            .collect();
-        if !self.ignore_hazards {
-            find_hazards(&commands)?;
-        }
-        match self.pieces {
-            Some(pieces) => encode::run_pieces(&self.gpu, cut(commands), &|| pieces.stopped()),
-            None => encode::run(&self.gpu, commands),
-        }
+    /// As [`Frame::submit`] and [`Ticket::wait`].
+    pub fn run(self) -> Result<Timings> {
+        self.submit()?.wait()
     }
 
-    fn run(&mut self, action: Action) {
-        let name = self.scopes.first().cloned().unwrap_or_else(|| action.label());
-        if let Some((slow, times)) = self.repeated.filter(|(slow, _)| *slow == action.label()) {
+    fn record(&mut self, action: Action) {
+        let label = action.label();
+        let path = self.scopes.iter().chain([&label]).cloned().collect::<Vec<_>>();
+        if let Some((slow, times)) = self.options.repeat.filter(|(slow, _)| *slow == label) {
             for _ in 0..times {
-                self.commands.push(Command::Run { name: name.clone(), action: action.clone() });
+                self.commands.push(Command::Run { path: path.clone(), action: action.clone() });
                 self.barrier(slow);
             }
         }
-        self.commands.push(Command::Run { name, action });
+        self.commands.push(Command::Run { path, action });
     }
+}
+
+/// Leaves out the barriers that separate nothing.
+fn needed(commands: Vec<Command>, options: &FrameOptions) -> Result<Vec<Command>> {
+    let tracked = track(&commands);
+    let (mut asked, mut issued) = (0, 0);
+    let mut without = |command: &Command| {
+        if matches!(command, Command::Run { .. }) {
+            return true;
+        }
+        asked += 1;
+        if !tracked.needed()[asked - 1] {
+            return false;
+        }
+        issued += 1;
+        options.skip_barrier != Some(issued - 1)
+    };
+    let kept: Vec<_> = commands.into_iter().filter(|command| without(command)).collect();
+    let tracked = if options.skip_barrier.is_some() { track(&kept) } else { tracked };
+    if tracked.hazards().is_empty() || options.ignore_hazards {
+        return Ok(kept);
+    }
+    let all: Vec<_> = tracked.hazards().iter().map(ToString::to_string).collect();
+    Err(Error::Internal(all.join("; ")))
+}
+
+fn track(commands: &[Command]) -> Tracker {
+    let mut tracker = Tracker::default();
+    for command in commands {
+        match command {
+            Command::Barrier(_) => tracker.barrier(),
+            Command::Run { action, .. } => tracker.entry(&action.label(), &action.accesses()),
+        }
+    }
+    tracker
 }
 
 /// Every dispatch and transfer apart, and large dispatches cut. The beginning of a submission is a barrier too.
 fn cut(commands: Vec<Command>) -> Vec<Vec<Command>> {
     let mut pieces = Vec::new();
     for command in commands {
-        let Command::Run { name, action } = command else { continue };
+        let Command::Run { path, action } = command else { continue };
         let Action::Dispatch { pass, binds, push, groups: Groups::Part { first, count } } = action else {
-            pieces.push(vec![Command::Run { name, action }]);
+            pieces.push(vec![Command::Run { path, action }]);
             continue;
         };
         let rows = (PIECE / count[0].max(1)).max(1);
@@ -353,26 +461,11 @@ fn cut(commands: Vec<Command>) -> Vec<Vec<Command>> {
                     count: [count[0], rows.min(count[1] - y), 1],
                 };
                 let action = Action::Dispatch { pass: pass.clone(), binds: binds.clone(), push: push.clone(), groups };
-                pieces.push(vec![Command::Run { name: name.clone(), action }]);
+                pieces.push(vec![Command::Run { path: path.clone(), action }]);
             }
         }
     }
     pieces
-}
-
-fn find_hazards(commands: &[Command]) -> Result<()> {
-    let mut tracker = Tracker::default();
-    for command in commands {
-        match command {
-            Command::Barrier(_) => tracker.barrier(),
-            Command::Run { action, .. } => tracker.entry(&action.label(), &action.accesses()),
-        }
-    }
-    if tracker.hazards().is_empty() {
-        return Ok(());
-    }
-    let all: Vec<_> = tracker.hazards().iter().map(ToString::to_string).collect();
-    Err(Error::Internal(all.join("; ")))
 }
 
 /// The bindings in the order of the pass's slots, each checked.

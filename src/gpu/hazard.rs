@@ -1,5 +1,5 @@
-//! Finds missing barriers from declared accesses alone, with no GPU. The validation layer stays the second opinion;
-//! it is silent about write-after-write between dispatches, which this is not.
+//! Finds missing and needless barriers from declared accesses alone, with no GPU. The validation layer stays the second
+//! opinion; it is silent about write-after-write between dispatches, which this is not.
 
 use std::{collections::HashMap, fmt};
 
@@ -54,18 +54,46 @@ impl fmt::Display for Hazard {
 
 const BOUND_TWICE: &str = "bound twice";
 
-/// What happened to one resource since the last barrier: the last writer and the last reader, as recorded indices.
-#[derive(Default)]
+/// What happened to one resource: the last writer and the last reader, as recorded indices.
+#[derive(Clone, Copy, Default)]
 struct Uses {
     writer: Option<usize>,
     reader: Option<usize>,
 }
 
-/// Collects accesses in recording order and the hazards among them.
+impl Uses {
+    /// What an access conflicts with: the kind of hazard, and who came first.
+    fn conflict(&self, access: Access) -> Option<(&'static str, usize)> {
+        match (access.writes(), self.writer, self.reader) {
+            (false, Some(writer), _) => Some(("read after write", writer)),
+            (true, Some(writer), _) => {
+                Some((if access == Access::Write { "write after write" } else { "read after write" }, writer))
+            }
+            (true, None, Some(reader)) => Some(("write after read", reader)),
+            _ => None,
+        }
+    }
+
+    fn note(&mut self, access: Access, now: usize) {
+        if access.writes() {
+            self.writer = Some(now);
+        } else {
+            self.reader = Some(now);
+        }
+    }
+}
+
+/// Collects accesses in recording order. It finds the barriers that are needed among those that were asked for, and the hazards
+/// that none of them prevents.
 #[derive(Default)]
 pub struct Tracker {
     entries: Vec<String>,
-    since_barrier: HashMap<Resource, Uses>,
+    /// Since the last barrier that is needed, up to the last that was asked for.
+    before: HashMap<Resource, Uses>,
+    /// Since the last barrier that was asked for.
+    since: HashMap<Resource, Uses>,
+    /// Of each barrier that was asked for, whether it is needed.
+    needed: Vec<bool>,
     hazards: Vec<Hazard>,
 }
 
@@ -75,16 +103,8 @@ impl Tracker {
         let now = self.entries.len();
         self.entries.push(name.to_owned());
         for &(resource, resource_name, access) in accesses {
-            let uses = self.since_barrier.entry(resource).or_default();
-            let conflict = match (access.writes(), uses.writer, uses.reader) {
-                (false, Some(writer), _) => Some(("read after write", writer)),
-                (true, Some(writer), _) => {
-                    Some((if access == Access::Write { "write after write" } else { "read after write" }, writer))
-                }
-                (true, None, Some(reader)) => Some(("write after read", reader)),
-                _ => None,
-            };
-            if let Some((kind, first)) = conflict {
+            let uses = self.since.entry(resource).or_default();
+            if let Some((kind, first)) = uses.conflict(access) {
                 self.hazards.push(Hazard {
                     kind: if first == now { BOUND_TWICE } else { kind },
                     first: self.entries[first].clone(),
@@ -92,22 +112,34 @@ impl Tracker {
                     resource: resource_name.to_owned(),
                 });
             }
-            if access.writes() {
-                uses.writer = Some(now);
-            } else {
-                uses.reader = Some(now);
+            uses.note(access, now);
+            // The last barrier that was asked for separates this from all that came before it.
+            if self.before.get(&resource).is_some_and(|uses| uses.conflict(access).is_some()) {
+                self.before.clear();
+                if let Some(last) = self.needed.last_mut() {
+                    *last = true;
+                }
             }
         }
     }
 
-    /// A barrier that separates all before it from all after it.
+    /// A barrier that separates all before it from all after it is asked for.
     pub fn barrier(&mut self) {
-        self.since_barrier.clear();
+        self.needed.push(false);
+        for (resource, uses) in self.since.drain() {
+            let all = self.before.entry(resource).or_default();
+            *all = Uses { writer: uses.writer.or(all.writer), reader: uses.reader.or(all.reader) };
+        }
     }
 
     /// The hazards found so far, in recording order.
     pub fn hazards(&self) -> &[Hazard] {
         &self.hazards
+    }
+
+    /// Of each barrier that was asked for, whether anything after it needs it.
+    pub fn needed(&self) -> &[bool] {
+        &self.needed
     }
 }
 
@@ -188,5 +220,31 @@ mod tests {
             t.entry("c", &[(resource(1), "x", Write)]);
         });
         assert_eq!(found, ["read after write", "write after write"]);
+    }
+
+    /// Which barriers of a recording are needed: a letter is a pass that writes it, or in lower case reads it; `|` is a barrier.
+    fn needed(recording: &str) -> Vec<bool> {
+        let mut tracker = Tracker::default();
+        for c in recording.chars() {
+            match c {
+                '|' => tracker.barrier(),
+                _ => {
+                    let access = if c.is_uppercase() { Write } else { Read };
+                    tracker.entry("pass", &[(resource(u64::from(c.to_ascii_lowercase())), "x", access)]);
+                }
+            }
+        }
+        assert!(tracker.hazards().is_empty(), "{recording}: {:?}", tracker.hazards());
+        tracker.needed().to_vec()
+    }
+
+    #[test]
+    fn a_barrier_that_separates_nothing_is_not_needed() {
+        assert_eq!(needed("|A|a|a|"), [false, true, false, false]);
+        assert_eq!(needed("A|B|a"), [false, true], "the last one that serves");
+        assert_eq!(needed("A|B|ab"), [false, true], "one barrier serves both");
+        assert_eq!(needed("A|aB|b|A"), [true, true, false], "the read of a lies before the second barrier");
+        assert_eq!(needed("A|b|a|A"), [false, true, true]);
+        assert_eq!(needed("A||a"), [false, true]);
     }
 }

@@ -3,7 +3,8 @@
 //! * [`Gpu`]: one device and one queue; hands out everything below and outlives it.
 //! * [`Buffer`], [`Image`]: memory on the device; images stay in the `GENERAL` layout.
 //! * [`Pass`]: one compute shader; its [`PassDeclaration`] is checked against the SPIR-V when it is made.
-//! * [`Frame`]: records dispatches, transfers and explicit barriers, finds missing barriers, submits, and measures.
+//! * [`Frame`]: records dispatches, transfers and explicit barriers, finds those that are missing or needless, and submits.
+//! * [`Ticket`]: a frame that was submitted; waiting for it gives its [`Timings`].
 //! * [`Screen`]: a window that shows finished pictures, with panels over them.
 
 pub mod adapter;
@@ -15,16 +16,18 @@ pub mod layout;
 mod memory;
 mod overlay;
 mod pass;
+mod pipeline_cache;
 mod reflect;
 mod screen;
 mod slot;
 mod swapchain;
+mod ticket;
 mod timing;
 mod transfer;
 pub mod validation;
 
 pub use device::{Gpu, GpuOptions};
-pub use frame::{Bind, Frame, Pieces, Threads};
+pub use frame::{Bind, Frame, FrameOptions, Pieces, Threads};
 pub use layout::{GpuStruct, PushLayout, StructLayout, struct_layout};
 pub use memory::{Buffer, Format, Image};
 pub use overlay::Paint;
@@ -32,4 +35,5 @@ pub use pass::{Access, Constant, Pass, PassDeclaration};
 pub use reflect::{Binding, Kind, bindings};
 pub use screen::{Blit, Screen, Shown};
 pub use swapchain::{PresentMode, WindowHandles};
-pub use timing::Timings;
+pub use ticket::Ticket;
+pub use timing::{Entry, Node, Timings};

@@ -227,7 +227,7 @@ impl PassData {
                 .flags(vk::PipelineCreateFlags::DISPATCH_BASE) // large dispatches are cut where others wait for the queue
                 .stage(stage)
                 .layout(self.layout);
-            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
+            let made = device.create_compute_pipelines(shared.pipeline_cache.handle(), &[info], None);
             device.destroy_shader_module(module, None);
             let made = made.map_err(|(_, result)| during(format!("vkCreateComputePipelines for {name}"))(result))?;
             self.pipeline = made[0];

@@ -1,10 +1,13 @@
-//! What one submission needs: command buffer, fence, query pool, descriptor pool; kept for the next.
+//! What one submission needs: command buffer, fence, query pool, descriptor pool and staging memory. All is kept for the next.
+
+use std::ops::{Deref, DerefMut};
 
 use ash::vk;
 
 use super::{
-    device::{Shared, during},
+    device::{Gpu, Shared, during},
     encode::barrier,
+    transfer::Staging,
 };
 use crate::Result;
 
@@ -31,6 +34,61 @@ pub(super) struct Slot {
     query_count: u32,
     pub descriptors: vk::DescriptorPool,
     descriptor_counts: Counts,
+    /// The last one is being filled.
+    staging: Vec<Staging>,
+}
+
+/// Staging memory that an idle slot keeps, bytes.
+pub(super) const KEPT_STAGING: u64 = 64 << 20;
+/// Staging memory is taken in chunks of at least so many bytes.
+const STAGING_CHUNK: u64 = 1 << 20;
+
+/// A slot in somebody's hands. It goes back to the device when it is dropped, so whoever holds it waits before that until the
+/// device has done with it.
+pub(super) struct HeldSlot {
+    gpu: Gpu,
+    slot: Option<Slot>,
+}
+
+impl HeldSlot {
+    /// A slot that was used before, or else a new one.
+    pub(super) fn take(gpu: &Gpu) -> Result<Self> {
+        Ok(Self { gpu: gpu.clone(), slot: Some(gpu.0.take_slot()?) })
+    }
+
+    /// Gives the slot up for good: the device may use it for ever.
+    pub(super) fn abandon(mut self) {
+        std::mem::forget(self.slot.take());
+    }
+}
+
+impl Deref for HeldSlot {
+    type Target = Slot;
+
+    fn deref(&self) -> &Slot {
+        match &self.slot {
+            Some(slot) => slot,
+            None => unreachable!("a slot is only taken out when its holder goes"),
+        }
+    }
+}
+
+impl DerefMut for HeldSlot {
+    fn deref_mut(&mut self) -> &mut Slot {
+        match &mut self.slot {
+            Some(slot) => slot,
+            None => unreachable!("a slot is only taken out when its holder goes"),
+        }
+    }
+}
+
+impl Drop for HeldSlot {
+    fn drop(&mut self) {
+        if let Some(mut slot) = self.slot.take() {
+            slot.clear_staging(&self.gpu.0);
+            self.gpu.0.return_slot(slot);
+        }
+    }
 }
 
 impl Slot {
@@ -61,6 +119,7 @@ impl Slot {
                         query_count: 0,
                         descriptors: vk::DescriptorPool::null(),
                         descriptor_counts: [0; 1 + KINDS.len()],
+                        staging: Vec::new(),
                     })
                 }
                 Err(error) => {
@@ -73,7 +132,9 @@ impl Slot {
 
     /// # Safety
     /// The device does not use it any more.
-    pub(super) unsafe fn destroy(self, device: &ash::Device) {
+    pub(super) unsafe fn destroy(self, shared: &Shared) {
+        self.staging.into_iter().for_each(|staging| staging.destroy(shared));
+        let device = &shared.device;
         // SAFETY: the caller's promise; null handles are ignored.
         unsafe {
             device.destroy_descriptor_pool(self.descriptors, None);
@@ -93,21 +154,44 @@ impl Slot {
             let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             device.begin_command_buffer(self.commands, &info).map_err(during("vkBeginCommandBuffer"))?;
         }
-        // What earlier submissions wrote is finished, their fences were waited for, but not yet visible.
+        // Earlier submissions may still run, and this one may overwrite what they read.
         barrier(device, self.commands, vk::PipelineStageFlags2::ALL_COMMANDS, vk::PipelineStageFlags2::ALL_COMMANDS);
         Ok(())
     }
 
-    /// Submits and waits.
-    pub(super) fn finish(&self, shared: &Shared) -> std::result::Result<(), vk::Result> {
+    /// Ends the recording and hands it over to the device.
+    pub(super) fn submit(&self, shared: &Shared) -> std::result::Result<(), vk::Result> {
         let host = vk::PipelineStageFlags2::ALL_COMMANDS | vk::PipelineStageFlags2::HOST;
         barrier(&shared.device, self.commands, vk::PipelineStageFlags2::ALL_COMMANDS, host);
         // SAFETY: recording is complete.
-        unsafe {
-            shared.device.end_command_buffer(self.commands)?;
-            shared.submit(self.commands, self.fence)?;
-            shared.device.wait_for_fences(&[self.fence], true, TIMEOUT_NS)
+        unsafe { shared.device.end_command_buffer(self.commands)? };
+        shared.submit(self.commands, self.fence)
+    }
+
+    /// Waits until the device has done what was submitted.
+    pub(super) fn wait(&self, shared: &Shared) -> std::result::Result<(), vk::Result> {
+        // SAFETY: the fence belongs to this device and to a submission.
+        unsafe { shared.device.wait_for_fences(&[self.fence], true, TIMEOUT_NS) }
+    }
+
+    /// Copies `bytes` to staging memory; returns where they are.
+    pub(super) fn stage(&mut self, shared: &Shared, bytes: &[u8]) -> Result<(vk::Buffer, u64)> {
+        if let Some(place) = self.staging.last_mut().and_then(|staging| staging.append(bytes)) {
+            return Ok(place);
         }
+        let mut staging = Staging::new(shared, STAGING_CHUNK.max(bytes.len() as u64))?;
+        let place = staging.append(bytes);
+        self.staging.push(staging);
+        place.ok_or_else(|| crate::Error::Internal("staging memory is not mapped".into()))
+    }
+
+    /// The staging memory is not used any more. Large amounts are freed, one chunk is kept.
+    fn clear_staging(&mut self, shared: &Shared) {
+        let kept = (0..self.staging.len()).filter(|&i| self.staging[i].bytes() <= KEPT_STAGING);
+        let kept = kept.max_by_key(|&i| self.staging[i].bytes());
+        let kept = kept.map(|largest| self.staging.swap_remove(largest));
+        self.staging.drain(..).for_each(|staging| staging.destroy(shared));
+        self.staging.extend(kept.map(Staging::emptied));
     }
 
     pub(super) fn reserve_queries(&mut self, shared: &Shared, count: u32) -> Result<()> {

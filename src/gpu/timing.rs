@@ -1,14 +1,90 @@
 //! GPU time from timestamp queries.
 
+/// How long one dispatch or transfer took.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Entry {
+    /// The scopes that it was recorded in, the outermost first, and then its own name.
+    pub path: Vec<String>,
+    /// When it began, milliseconds after the first.
+    pub start_ms: f64,
+    /// How long it took, milliseconds.
+    pub ms: f64,
+}
+
+impl Entry {
+    /// The pass that it is a part of: its outermost scope, or its own name.
+    pub fn pass(&self) -> &str {
+        self.path.first().map_or("", String::as_str)
+    }
+}
+
 /// How long each dispatch and transfer of one submitted frame took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timings {
-    /// Name and milliseconds, one a dispatch or transfer, in recording order; equal names may repeat.
-    pub entries: Vec<(String, f64)>,
-    /// When each entry began, milliseconds after the first.
-    pub starts_ms: Vec<f64>,
+    /// One entry a dispatch or transfer, in recording order. Equal paths may repeat.
+    pub entries: Vec<Entry>,
     /// Milliseconds from the first timestamp to the last: the entries and the barriers between them.
     pub gpu_ms: f64,
+    /// How many barriers were issued, without the one at the beginning.
+    pub barriers: usize,
+}
+
+/// A scope, a dispatch or a transfer, with what was recorded within it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Node {
+    /// Its name.
+    pub name: String,
+    /// When its first entry began, milliseconds after the frame's first.
+    pub start_ms: f64,
+    /// The sum of its entries, milliseconds.
+    pub ms: f64,
+    /// The scopes, dispatches and transfers in it. A scope that holds a single entry has none.
+    pub children: Vec<Node>,
+}
+
+impl Timings {
+    /// The sum of a pass's entries, milliseconds; none where it did not run.
+    pub fn pass(&self, name: &str) -> Option<f64> {
+        let mut times = self.entries.iter().filter(|entry| entry.pass() == name).map(|entry| entry.ms).peekable();
+        times.peek()?;
+        Some(times.sum())
+    }
+
+    /// The sum of all entries, milliseconds.
+    pub fn sum(&self) -> f64 {
+        self.entries.iter().map(|entry| entry.ms).sum()
+    }
+
+    /// The entries as a tree of scopes; entries of the same path are summed.
+    pub fn tree(&self) -> Vec<Node> {
+        let mut tree = Vec::new();
+        for entry in &self.entries {
+            let mut level = &mut tree;
+            for name in &entry.path {
+                let known = level.iter().position(|node: &Node| node.name == *name);
+                let at = known.unwrap_or_else(|| {
+                    level.push(Node { name: name.clone(), start_ms: entry.start_ms, ..Node::default() });
+                    level.len() - 1
+                });
+                level[at].ms += entry.ms;
+                level = &mut level[at].children;
+            }
+        }
+        tree.iter_mut().for_each(Node::simplify);
+        tree
+    }
+}
+
+impl Node {
+    /// A scope with one child that has none itself says the same thing twice.
+    fn simplify(&mut self) {
+        self.children.iter_mut().for_each(Self::simplify);
+        if let [only] = &self.children[..]
+            && only.children.is_empty()
+        {
+            self.children.clear();
+        }
+    }
 }
 
 /// Turns raw timestamps into milliseconds.
@@ -27,19 +103,19 @@ impl Clock {
         (end.wrapping_sub(start) & mask) as f64 * f64::from(self.period_ns) * 1e-6
     }
 
-    /// Timings of the entries called `names`, each with its start and its end in `stamps`.
-    pub(super) fn timings(self, names: &[&str], stamps: &[u64]) -> Timings {
-        let entries = names
-            .iter()
-            .zip(stamps.chunks_exact(2))
-            .map(|(name, pair)| ((*name).to_owned(), self.milliseconds(pair[0], pair[1])))
-            .collect();
-        let gpu_ms = match (stamps.first(), stamps.last()) {
-            (Some(&first), Some(&last)) => self.milliseconds(first, last),
-            _ => 0.0,
-        };
-        let starts_ms = stamps.iter().step_by(2).map(|&stamp| self.milliseconds(stamps[0], stamp)).collect();
-        Timings { entries, starts_ms, gpu_ms }
+    /// Timings of the entries of these paths, each with its start and its end in `stamps`.
+    pub(super) fn timings<'a>(self, paths: impl Iterator<Item = &'a [String]>, stamps: &[u64]) -> Timings {
+        let since_first = |stamp| stamps.first().map_or(0.0, |&first| self.milliseconds(first, stamp));
+        let entries = paths.zip(stamps.chunks_exact(2)).map(|(path, pair)| Entry {
+            path: path.to_vec(),
+            start_ms: since_first(pair[0]),
+            ms: self.milliseconds(pair[0], pair[1]),
+        });
+        Timings {
+            entries: entries.collect(),
+            gpu_ms: stamps.last().map_or(0.0, |&last| since_first(last)),
+            barriers: 0,
+        }
     }
 }
 
@@ -62,6 +138,10 @@ pub(super) fn where_it_stopped(names: &[&str], written: &[bool]) -> String {
 mod tests {
     use super::*;
 
+    fn entry(path: &[&str], start_ms: f64, ms: f64) -> Entry {
+        Entry { path: path.iter().map(|name| (*name).to_owned()).collect(), start_ms, ms }
+    }
+
     #[test]
     fn timestamps_wrap_at_their_valid_bits() {
         let clock = Clock { valid_bits: 36, period_ns: 2.0 };
@@ -74,10 +154,34 @@ mod tests {
     #[test]
     fn the_frame_is_the_span_and_holds_the_gaps() {
         let clock = Clock { valid_bits: 64, period_ns: 1e6 };
-        let timings = clock.timings(&["a", "b"], &[10, 12, 15, 20]);
-        assert_eq!(timings.entries, [("a".to_owned(), 2.0), ("b".to_owned(), 5.0)]);
-        assert_eq!(timings.gpu_ms, 10.0);
-        assert_eq!(clock.timings(&[], &[]), Timings::default());
+        let paths = [vec!["a".to_owned()], vec!["b".to_owned(), "c".to_owned()]];
+        let timings = clock.timings(paths.iter().map(Vec::as_slice), &[10, 12, 15, 20]);
+        assert_eq!(timings.entries, [entry(&["a"], 0.0, 2.0), entry(&["b", "c"], 5.0, 5.0)]);
+        assert_eq!((timings.gpu_ms, timings.sum()), (10.0, 7.0));
+        assert_eq!((timings.pass("b"), timings.pass("c")), (Some(5.0), None));
+        assert_eq!(clock.timings(std::iter::empty(), &[]), Timings::default());
+    }
+
+    #[test]
+    fn scopes_make_a_tree() {
+        let entries = vec![
+            entry(&["gbuffer", "visibility"], 0.0, 1.0),
+            entry(&["gbuffer", "coverage"], 1.0, 2.0),
+            entry(&["atrous", "level 1", "atrous"], 3.0, 4.0),
+            entry(&["atrous", "level 2", "atrous"], 7.0, 8.0),
+            entry(&["composite"], 15.0, 16.0),
+            entry(&["gbuffer", "coverage"], 31.0, 32.0),
+        ];
+        let node = |name: &str, start_ms, ms, children| Node { name: name.to_owned(), start_ms, ms, children };
+        let leaf = |name: &str, start_ms, ms| node(name, start_ms, ms, vec![]);
+        assert_eq!(
+            Timings { entries, ..Timings::default() }.tree(),
+            [
+                node("gbuffer", 0.0, 35.0, vec![leaf("visibility", 0.0, 1.0), leaf("coverage", 1.0, 34.0)]),
+                node("atrous", 3.0, 12.0, vec![leaf("level 1", 3.0, 4.0), leaf("level 2", 7.0, 8.0)]),
+                leaf("composite", 15.0, 16.0),
+            ]
+        );
     }
 
     #[test]

@@ -8,6 +8,7 @@ use super::{
     device::{Gpu, Shared},
     encode,
     memory::{Buffer, Format, Image, raw_buffer},
+    slot::KEPT_STAGING,
 };
 use crate::{Error, Result};
 
@@ -17,17 +18,18 @@ pub(super) struct Staging {
     handle: vk::Buffer,
     allocation: memory::Allocation,
     bytes: u64,
+    used: u64,
 }
 
-/// Staging buffers up to this size are kept for the next transfer.
-const KEPT_STAGING: u64 = 64 << 20;
+/// A multiple of every texel's size.
+const STAGING_ALIGNMENT: u64 = 16;
 
 impl Staging {
-    fn new(shared: &Shared, bytes: u64) -> Result<Self> {
+    pub(super) fn new(shared: &Shared, bytes: u64) -> Result<Self> {
         let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let (handle, allocation) = raw_buffer(shared, "staging", bytes, usage, MemoryLocation::GpuToCpu)?;
         let coherent = allocation.memory_properties().contains(vk::MemoryPropertyFlags::HOST_COHERENT);
-        let staging = Self { handle, allocation, bytes };
+        let staging = Self { handle, allocation, bytes, used: 0 };
         if coherent && staging.allocation.mapped_slice().is_some() {
             return Ok(staging);
         }
@@ -35,81 +37,50 @@ impl Staging {
         Err(Error::Internal("staging memory is not mapped coherently".into()))
     }
 
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Copies `data` behind what is there already; nothing where there is no room.
+    pub(super) fn append(&mut self, data: &[u8]) -> Option<(vk::Buffer, u64)> {
+        let start = self.used.next_multiple_of(STAGING_ALIGNMENT);
+        let end = start.checked_add(data.len() as u64).filter(|end| *end <= self.bytes)?;
+        self.allocation.mapped_slice_mut()?.get_mut(start as usize..end as usize)?.copy_from_slice(data);
+        self.used = end;
+        Some((self.handle, start))
+    }
+
+    pub(super) fn emptied(self) -> Self {
+        Self { used: 0, ..self }
+    }
+
+    /// The device does not use it any more.
     pub(super) fn destroy(self, shared: &Shared) {
-        // SAFETY: transfers are waited for; none uses it.
+        // SAFETY: whoever holds the slot has waited for the device.
         unsafe { shared.device.destroy_buffer(self.handle, None) };
         shared.free(self.allocation);
     }
-}
-
-/// Runs `work` with at least `bytes` of staging memory.
-fn with_staging<R>(shared: &Shared, bytes: u64, work: impl FnOnce(&mut Staging) -> Result<R>) -> Result<R> {
-    let mut kept = shared.staging();
-    let mut staging = match kept.take() {
-        Some(staging) if staging.bytes >= bytes => staging,
-        small => {
-            if let Some(small) = small {
-                small.destroy(shared);
-            }
-            Staging::new(shared, bytes)?
-        }
-    };
-    let result = work(&mut staging);
-    if matches!(result, Err(Error::Vulkan { .. })) {
-        return result; // the device may still be using it: leave it alone
-    }
-    if staging.bytes <= KEPT_STAGING {
-        *kept = Some(staging);
-    } else {
-        staging.destroy(shared);
-    }
-    result
 }
 
 impl Gpu {
     /// Writes `data` from `offset` bytes on. Waits until it is there.
     ///
     /// # Errors
-    /// [`Error::Internal`] where it does not fit.
+    /// As [`Frame::write_buffer`].
     pub fn write_buffer<T: Pod>(&self, buffer: &Buffer, offset: u64, data: &[T]) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        let size = bytes.len() as u64;
-        if offset.checked_add(size).is_none_or(|end| end > buffer.bytes()) {
-            return Err(Error::Internal(format!(
-                "{size} bytes at {offset} do not fit {}'s {}",
-                buffer.name(),
-                buffer.bytes()
-            )));
-        }
-        if size == 0 {
-            return Ok(());
-        }
-        self.upload(&format!("writing {}", buffer.name()), bytes, |commands, staging| {
-            let region = vk::BufferCopy { src_offset: 0, dst_offset: offset, size };
-            // SAFETY: both buffers are alive until the copy is done, and the ranges were checked.
-            unsafe { self.0.device.cmd_copy_buffer(commands, staging, buffer.handle(), &[region]) };
-        })
+        let mut frame = self.frame()?;
+        frame.write_buffer(buffer, offset, data)?;
+        frame.run().map(drop)
     }
 
     /// Writes one layer of one level: tightly packed rows in the image's format. Waits until it is there.
     ///
     /// # Errors
-    /// [`Error::Internal`] where the data has another size than the level, or there is no such layer or level.
+    /// As [`Frame::write_image`].
     pub fn write_image<T: Pod>(&self, image: &Image, layer: u32, level: u32, data: &[T]) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        let region = region(image, layer, level)?;
-        let wanted = level_bytes(image, level);
-        if bytes.len() as u64 != wanted {
-            return Err(Error::Internal(format!(
-                "level {level} of {image:?} takes {wanted} bytes, not {}",
-                bytes.len()
-            )));
-        }
-        self.upload(&format!("writing {}", image.name()), bytes, |commands, staging| {
-            let layout = vk::ImageLayout::GENERAL;
-            // SAFETY: both are alive until the copy is done, and the size was checked.
-            unsafe { self.0.device.cmd_copy_buffer_to_image(commands, staging, image.handle(), layout, &[region]) };
-        })
+        let mut frame = self.frame()?;
+        frame.write_image(image, layer, level, data)?;
+        frame.run().map(drop)
     }
 
     /// The whole buffer as `T`s; bytes that do not fill one are left out.
@@ -152,29 +123,41 @@ impl Gpu {
         Ok(decode(image.format(), &bytes))
     }
 
-    fn upload(&self, what: &str, bytes: &[u8], copy: impl FnOnce(vk::CommandBuffer, vk::Buffer)) -> Result<()> {
-        with_staging(&self.0, bytes.len() as u64, |staging| {
-            let mapped = staging.allocation.mapped_slice_mut().and_then(|mapped| mapped.get_mut(..bytes.len()));
-            mapped.ok_or_else(|| Error::Internal("staging memory is not mapped".into()))?.copy_from_slice(bytes);
-            encode::immediate(&self.0, what, |commands| copy(commands, staging.handle))
-        })
-    }
-
     fn download(&self, what: &str, bytes: u64, copy: impl FnOnce(vk::CommandBuffer, vk::Buffer)) -> Result<Vec<u8>> {
-        with_staging(&self.0, bytes, |staging| {
-            encode::immediate(&self.0, what, |commands| copy(commands, staging.handle))?;
-            let mapped = staging.allocation.mapped_slice().and_then(|mapped| mapped.get(..bytes as usize));
-            Ok(mapped.ok_or_else(|| Error::Internal("staging memory is not mapped".into()))?.to_vec())
-        })
+        let shared = &self.0;
+        let mut kept = shared.staging();
+        let staging = match kept.take() {
+            Some(staging) if staging.bytes >= bytes => staging,
+            small => {
+                if let Some(small) = small {
+                    small.destroy(shared);
+                }
+                Staging::new(shared, bytes)?
+            }
+        };
+        // Where this fails the device may still be using the memory: it is left alone.
+        encode::immediate(shared, what, |commands| copy(commands, staging.handle))?;
+        let mapped = staging.allocation.mapped_slice().and_then(|mapped| mapped.get(..bytes as usize));
+        let copied = mapped.map(<[u8]>::to_vec);
+        if staging.bytes <= KEPT_STAGING {
+            *kept = Some(staging);
+        } else {
+            staging.destroy(shared);
+        }
+        copied.ok_or_else(|| Error::Internal("staging memory is not mapped".into()))
     }
 }
 
-fn level_bytes(image: &Image, level: u32) -> u64 {
+pub(super) fn level_bytes(image: &Image, level: u32) -> u64 {
     let [width, height] = image.level_size(level);
     u64::from(width) * u64::from(height) * image.format().bytes()
 }
 
-fn region(image: &Image, layer: u32, level: u32) -> Result<vk::BufferImageCopy> {
+/// Where one layer of one level is.
+///
+/// # Errors
+/// [`Error::Internal`] where there is none.
+pub(super) fn region(image: &Image, layer: u32, level: u32) -> Result<vk::BufferImageCopy> {
     if layer >= image.layers() || level >= image.levels() {
         return Err(Error::Internal(format!("{image:?} has no layer {layer} of level {level}")));
     }

@@ -3,8 +3,8 @@
 use super::clock::{self, Sample, median, quantile};
 use crate::{
     Result,
-    gpu::Timings,
-    renderer::{Renderer, cost::PassPlan},
+    gpu::{Entry, Node, Timings},
+    renderer::{Renderer, Wishes, cost::PassPlan},
     scene::Scene,
 };
 use serde::Serialize;
@@ -27,6 +27,18 @@ pub struct PassTime {
     pub off: Option<String>,
 }
 
+/// A scope, a dispatch or a transfer: what a pass is made of.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TimeTree {
+    /// Its name.
+    pub name: String,
+    /// Median over the measured frames that ran it, milliseconds.
+    pub median_ms: f64,
+    /// Its parts.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<TimeTree>,
+}
+
 /// The times of whole frames.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameTime {
@@ -34,10 +46,12 @@ pub struct FrameTime {
     pub gpu_median_ms: f64,
     /// 95th percentile of the same time.
     pub gpu_p95_ms: f64,
-    /// Median wall time with recording, uploads and waiting, milliseconds.
+    /// Median wall time from the end of one frame to the end of the next, milliseconds. Two frames are in flight.
     pub wall_median_ms: f64,
     /// 95th percentile of the same time.
     pub wall_p95_ms: f64,
+    /// The share of all frames' wall time in which the GPU did nothing for them.
+    pub beyond_gpu: f64,
     /// The share of the GPU's frame time that the passes take. It is the median over the frames.
     pub coverage: f64,
 }
@@ -70,6 +84,8 @@ pub struct BenchReport {
     pub settings: BTreeMap<String, String>,
     /// All passes in frame order.
     pub passes: Vec<PassTime>,
+    /// What the passes are made of, and the uploads, in the order of the frame.
+    pub tree: Vec<TimeTree>,
     /// The whole frames.
     pub frame: FrameTime,
     /// Device memory.
@@ -83,31 +99,34 @@ pub struct BenchReport {
 
 /// Renders `warmup` frames at the time of the first frame, and then measures `frames` frames from there on.
 /// `progress` is called after each frame.
+///
+/// # Errors
+/// As [`clock::frames`].
 pub fn run(
     renderer: &mut Renderer,
     scene: &Scene,
     first: u32,
     frames: u32,
     warmup: u32,
+    wishes: &Wishes,
     mut progress: impl FnMut(),
 ) -> Result<BenchReport> {
-    let time = |frame: u32| scene.panorama.frame_time(frame as usize);
-    clock::frames(renderer, scene, (0..warmup).map(|_| time(first)), |_| {
-        progress();
-        Ok(())
-    })?;
+    let numbers = std::iter::repeat_n(first, warmup as usize).chain(first..first + frames);
+    let times = numbers.map(|frame| scene.panorama.frame_time(frame as usize));
     let mut samples = Vec::new();
-    clock::frames(renderer, scene, (0..frames).map(|n| time(first + n)), |sample| {
+    clock::frames(renderer, scene, times, wishes, |sample| {
         samples.push(sample);
         progress();
         Ok(())
     })?;
+    samples.drain(..warmup as usize);
     let gpu = renderer.gpu();
     let options = renderer.options();
     let passes = renderer.plan().passes().iter().map(|pass| pass_time(pass, &samples, renderer)).collect();
     let mut gpu_ms: Vec<f64> = samples.iter().map(|s| s.timings.gpu_ms).collect();
     let mut wall_ms: Vec<f64> = samples.iter().map(|s| s.wall_ms).collect();
-    let share = |s: &Sample| s.timings.entries.iter().map(|(_, ms)| ms).sum::<f64>() / s.timings.gpu_ms.max(1e-9);
+    let beyond_gpu = 1.0 - gpu_ms.iter().sum::<f64>() / wall_ms.iter().sum::<f64>().max(1e-9);
+    let share = |s: &Sample| s.timings.sum() / s.timings.gpu_ms.max(1e-9);
     Ok(BenchReport {
         device: gpu.device_name().to_owned(),
         driver: gpu.driver().to_owned(),
@@ -118,11 +137,13 @@ pub fn run(
         warmup,
         settings: renderer.plan().settings.values().into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         passes,
+        tree: tree(samples.iter().map(|sample| sample.timings.tree()).collect()),
         frame: FrameTime {
             gpu_median_ms: quantile(&mut gpu_ms, 0.5),
             gpu_p95_ms: quantile(&mut gpu_ms, 0.95),
             wall_median_ms: quantile(&mut wall_ms, 0.5),
             wall_p95_ms: quantile(&mut wall_ms, 0.95),
+            beyond_gpu,
             coverage: median(samples.iter().map(share)),
         },
         memory: Memory { device_bytes: gpu.device_bytes() },
@@ -131,16 +152,31 @@ pub fn run(
     })
 }
 
+/// The medians of trees, by name. What a frame does not run does not count in it.
+fn tree(frames: Vec<Vec<Node>>) -> Vec<TimeTree> {
+    let mut merged: Vec<(String, Vec<f64>, Vec<Vec<Node>>)> = Vec::new();
+    for node in frames.into_iter().flatten() {
+        match merged.iter_mut().find(|(name, ..)| *name == node.name) {
+            Some((_, times, parts)) => {
+                times.push(node.ms);
+                parts.push(node.children);
+            }
+            None => merged.push((node.name, vec![node.ms], vec![node.children])),
+        }
+    }
+    let median = |(name, mut times, parts): (_, Vec<f64>, _)| TimeTree {
+        name,
+        median_ms: quantile(&mut times, 0.5),
+        parts: tree(parts),
+    };
+    merged.into_iter().map(median).collect()
+}
+
 fn pass_time(pass: &PassPlan, samples: &[Sample], renderer: &Renderer) -> PassTime {
     let name = pass.name;
-    let total = |timings: &Timings| -> Option<f64> {
-        let mut times = timings.entries.iter().filter(|(n, _)| n == name).map(|(_, ms)| *ms).peekable();
-        times.peek()?;
-        Some(times.sum())
-    };
-    let mut times: Vec<f64> = samples.iter().filter_map(|s| total(&s.timings)).collect();
+    let mut times: Vec<f64> = samples.iter().filter_map(|s| s.timings.pass(name)).collect();
     if times.is_empty() {
-        let off = match total(renderer.prepared()) {
+        let off = match renderer.prepared().pass(name) {
             Some(ms) => format!("the video frame did not change; done once before, {ms:.1} ms"),
             None => pass.off.clone().unwrap_or_else(|| "not dispatched in the frames measured".to_owned()),
         };
@@ -188,7 +224,12 @@ impl BenchReport {
             f.gpu_p95_ms,
             100.0 * f.coverage
         );
-        let _ = writeln!(out, "{:<18}{:>10.2}{:>10.2}", "frame, wall", f.wall_median_ms, f.wall_p95_ms);
+        let beyond = 100.0 * f.beyond_gpu;
+        let _ = writeln!(
+            out,
+            "{:<18}{:>10.2}{:>10.2}   {beyond:.1} % beyond the GPU's time, two frames in flight",
+            "frame, wall", f.wall_median_ms, f.wall_p95_ms
+        );
         let _ = writeln!(out, "device memory {:.0} MiB", self.memory.device_bytes as f64 / f64::from(1 << 20));
         out
     }
@@ -220,10 +261,18 @@ impl BenchReport {
             event(&format!("frame {n}"), 1, sample.began_ms, sample.wall_ms);
             // The queue's clock has another zero. A frame's passes are put where its GPU work must have been:
             // at its end.
-            let offset = sample.began_ms + (sample.wall_ms - sample.timings.gpu_ms).max(0.0);
-            for ((name, ms), start) in sample.timings.entries.iter().zip(&sample.timings.starts_ms) {
-                event(name, 2, offset + start, *ms);
+            let offset = sample.began_ms + sample.wall_ms - sample.timings.gpu_ms;
+            // A scope is one event from its first entry to its last, so that a viewer shows its entries below it.
+            let mut scopes: Vec<(&str, f64, f64)> = Vec::new();
+            for Entry { path, start_ms, ms } in &sample.timings.entries {
+                let same = scopes.iter().zip(path).take_while(|((name, ..), other)| name == other).count();
+                let same = same.min(path.len() - 1);
+                scopes.drain(same..).for_each(|(name, start, end)| event(name, 2, offset + start, end - start));
+                scopes.extend(path[same..path.len() - 1].iter().map(|name| (name.as_str(), *start_ms, *start_ms)));
+                scopes.iter_mut().for_each(|(.., end)| *end = start_ms + ms);
+                event(&path[path.len() - 1], 2, offset + start_ms, *ms);
             }
+            scopes.drain(..).for_each(|(name, start, end)| event(name, 2, offset + start, end - start));
         }
         serde_json::json!({ "traceEvents": events, "displayTimeUnit": "ms" })
     }

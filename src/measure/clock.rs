@@ -5,7 +5,7 @@ use crate::{
     Result,
     gpu::Timings,
     passes::{Every, PASSES},
-    renderer::Renderer,
+    renderer::{Renderer, Wishes},
     scene::Scene,
 };
 use serde::{Deserialize, Serialize};
@@ -19,14 +19,14 @@ pub const WARM_UP: u32 = 5;
 pub struct Sample {
     /// GPU times of the frame and of its passes.
     pub timings: Timings,
-    /// When the frame began, in milliseconds after the call of [`frames`].
+    /// When the frame before it ended, in milliseconds after the call of [`frames`].
     pub began_ms: f64,
-    /// Wall time with recording, uploads and waiting, milliseconds.
+    /// Wall time from the end of the frame before it to its own, milliseconds.
     pub wall_ms: f64,
 }
 
-/// Renders one frame for each time in `times`, in seconds, and hands each finished frame to `each`, in order. All frames
-/// have finished when this returns. A caller who needs the picture of a certain frame therefore ends `times` with that frame.
+/// Renders one frame for each time in `times`, in seconds, and hands each finished frame to `each`, in order. Two frames are in
+/// flight. All frames have finished when this returns. A caller who needs the picture of a certain frame therefore ends `times` with that frame.
 ///
 /// # Errors
 /// Fails if a frame cannot be rendered, or with the first error that `each` returns.
@@ -34,16 +34,17 @@ pub fn frames(
     renderer: &mut Renderer,
     scene: &Scene,
     times: impl IntoIterator<Item = f64>,
+    wishes: &Wishes,
     mut each: impl FnMut(Sample) -> Result<()>,
 ) -> Result<()> {
     let start = Instant::now();
-    for time in times {
-        let began = start.elapsed();
-        let timings = renderer.render(scene, time)?;
-        let wall = start.elapsed() - began;
-        each(Sample { timings, began_ms: began.as_secs_f64() * 1e3, wall_ms: wall.as_secs_f64() * 1e3 })?;
-    }
-    Ok(())
+    let mut began_ms = 0.0;
+    renderer.render_all(scene, times, wishes, |timings| {
+        let ended_ms = start.elapsed().as_secs_f64() * 1e3;
+        let sample = Sample { timings, began_ms, wall_ms: ended_ms - began_ms };
+        began_ms = ended_ms;
+        each(sample)
+    })
 }
 
 /// Collects the times of one renderer's frames, without its first [`WARM_UP`] frames.
@@ -66,7 +67,8 @@ impl FrameClock {
         count: u32,
         mut each: impl FnMut() -> Result<()>,
     ) -> Result<()> {
-        frames(renderer, scene, (0..count).map(|_| time), |sample| {
+        let times = std::iter::repeat_n(time, count as usize);
+        frames(renderer, scene, times, &Wishes::default(), |sample| {
             self.frames += 1;
             if self.frames > WARM_UP {
                 self.timed.push(sample);
@@ -79,17 +81,16 @@ impl FrameClock {
     pub fn round(self, renderer: &Renderer) -> Round {
         let mut passes: BTreeMap<String, Vec<f64>> = BTreeMap::new();
         for sample in &self.timed {
-            let mut sums: BTreeMap<&str, f64> = BTreeMap::new();
-            sample.timings.entries.iter().for_each(|(name, ms)| *sums.entry(name).or_default() += ms);
-            sums.into_iter().for_each(|(name, ms)| passes.entry(name.to_owned()).or_default().push(ms));
+            for pass in sample.timings.tree() {
+                passes.entry(pass.name).or_default().push(pass.ms);
+            }
         }
-        let once = |name: &str| PASSES.iter().any(|pass| pass.name == name && pass.every == Every::VideoFrame);
-        let prepared = renderer.prepared().entries.iter().filter(|(name, _)| once(name));
+        let once = PASSES.iter().filter(|pass| pass.every == Every::VideoFrame);
         Round {
             frame_ms: self.timed.iter().map(|sample| sample.timings.gpu_ms).collect(),
             wall_ms: self.timed.iter().map(|sample| sample.wall_ms).collect(),
             passes: passes.into_iter().map(|(name, mut ms)| (name, quantile(&mut ms, 0.5))).collect(),
-            prepare_ms: prepared.map(|(_, ms)| ms).sum(),
+            prepare_ms: once.filter_map(|pass| renderer.prepared().pass(pass.name)).sum(),
             scores: None,
         }
     }

@@ -125,9 +125,8 @@ pub fn run(
     for _ in 0..repetitions {
         for case in &mut cases {
             let timings = case.tracers[0].1.prepare()?;
-            let total = |pass: &str| timings.entries.iter().filter(|(name, _)| name == pass).map(|(_, ms)| ms).sum();
-            case.normals.push(total("normals"));
-            case.pyramid.push(total("depth_pyramid"));
+            case.normals.push(timings.pass("normals").unwrap_or_default());
+            case.pyramid.push(timings.pass("depth_pyramid").unwrap_or_default());
             for (_, set, rates) in &mut case.sets {
                 for ((_, tracer), rates) in case.tracers.iter().zip(rates) {
                     rates.push(f64::from(set.count()) / (tracer.trace(set)? * 1e3));

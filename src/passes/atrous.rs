@@ -27,29 +27,25 @@ impl Atrous {
 
     /// Records the levels, from the accumulated a and b, or from this frame's irradiance, into what [`Atrous::result`] names.
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings) -> Result<()> {
-        for level in 0..settings.atrous_levels {
-            if level > 0 {
+        frame.scope("atrous", |frame| {
+            (0..settings.atrous_levels).try_for_each(|level| {
                 frame.barrier("atrous reads the level below");
-            }
-            let (from, to) = (Self::names(level, settings), Self::names(level + 1, settings));
-            let special = [
-                ("in_a", Bind::from(view.image(from[0])?)),
-                ("in_b", Bind::from(view.image(from[1])?)),
-                ("out_a", Bind::from(view.image(to[0])?)),
-                ("out_b", Bind::from(view.image(to[1])?)),
-            ];
-            let raw = level == 0 && of_this_frame(settings);
-            let push =
-                AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance, raw: u32::from(raw) };
-            self.0.dispatch(
-                frame,
-                &special,
-                &[&view.resources],
-                &push,
-                Threads::Indirect(&view.arguments, LIST_TILES),
-            )?;
-        }
-        Ok(())
+                frame.scope(&format!("level {}", level + 1), |frame| self.level(frame, view, settings, level))
+            })
+        })
+    }
+
+    fn level(&self, frame: &mut Frame, view: &View, settings: &Settings, level: u32) -> Result<()> {
+        let (from, to) = (Self::names(level, settings), Self::names(level + 1, settings));
+        let special = [
+            ("in_a", Bind::from(view.image(from[0])?)),
+            ("in_b", Bind::from(view.image(from[1])?)),
+            ("out_a", Bind::from(view.image(to[0])?)),
+            ("out_b", Bind::from(view.image(to[1])?)),
+        ];
+        let raw = level == 0 && of_this_frame(settings);
+        let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance, raw: u32::from(raw) };
+        self.0.dispatch(frame, &special, &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
     }
 
     /// The images that hold a and b after the last level.

@@ -26,19 +26,20 @@ impl DepthPyramid {
 
     /// Records all levels, finest first.
     pub fn record(&self, frame: &mut Frame, panorama: &Panorama, view: &Resources) -> Result<()> {
-        for (level, [width, height]) in panorama.shape.levels.iter().copied().enumerate() {
-            if level > 0 {
-                frame.barrier("depth_pyramid reads the level below");
-            }
-            for far_sides in 0..=u32::from(panorama.far_sides) {
-                if far_sides > 0 {
-                    frame.barrier("far sides are in the same image");
+        let pools = [&panorama.resources, view];
+        frame.scope("depth_pyramid", |frame| {
+            for (level, [width, height]) in (0..).zip(panorama.shape.levels.iter().copied()) {
+                for far_sides in 0..=u32::from(panorama.far_sides) {
+                    // far sides are in the same image
+                    frame.barrier("depth_pyramid reads the level below");
+                    let push = DepthPyramidPush { level, width, height, far_sides };
+                    let threads = Threads::Size([width, height, 1]);
+                    frame.scope(&format!("level {level}"), |frame| {
+                        self.0.dispatch(frame, &[], &pools, &push, threads)
+                    })?;
                 }
-                let push = DepthPyramidPush { level: level as u32, width, height, far_sides };
-                let pools = [&panorama.resources, view];
-                self.0.dispatch(frame, &[], &pools, &push, Threads::Size([width, height, 1]))?;
             }
-        }
-        Ok(())
+            Ok(())
+        })
     }
 }

@@ -49,12 +49,12 @@ impl Fault {
     pub(crate) fn inject(self, gpu: &Gpu) -> Gpu {
         let passes: &[&str] = match self {
             Self::None | Self::HistoryKept | Self::UnsteadySeed | Self::DepthStale => return gpu.clone(),
-            Self::NoWrap => &["gbuffer", "depth_pyramid"],
-            Self::NoPoles | Self::HolesNear => &["normals"],
+            Self::NoWrap => &["gbuffer", "coverage", "depth_pyramid"],
+            Self::NoPoles | Self::HolesNear => &["plane_fit", "normals"],
             Self::YawForgotten | Self::EnergyClamp | Self::RaysFromBelow => &["irradiance"],
             Self::Drift => &["temporal"],
-            Self::MotionOff | Self::RealIgnored | Self::CameraCentred | Self::NarrowColumns => &["gbuffer"],
-            Self::NormalsUnturned => &["gbuffer", "irradiance"],
+            Self::MotionOff | Self::RealIgnored | Self::CameraCentred | Self::NarrowColumns => &["gbuffer", "coverage"],
+            Self::NormalsUnturned => &["gbuffer", "coverage", "irradiance"],
             Self::FilterBlind => &["interpolate", "atrous"],
             Self::LastTileLost => &["composite"],
         };

@@ -48,7 +48,7 @@ impl Gbuffer {
             &[fill, minified, Part::VirtualSurfaces.constant(u32::from(in_view)), ("SHOWN", u32::from(shown))],
         ]
         .concat();
-        let coverage = || Kernel::new::<()>(gpu, "gbuffer", shaders::COVERAGE, &material);
+        let coverage = || Kernel::new::<()>(gpu, "coverage", shaders::COVERAGE, &material);
         Ok(Self {
             centre: Kernel::new::<()>(gpu, "gbuffer", shaders::GBUFFER, &centre)?,
             coverage: in_view.then(coverage).transpose()?,
@@ -59,9 +59,11 @@ impl Gbuffer {
     pub fn record(&self, frame: &mut Frame, view: &View, panorama: &Resources, scene: &SceneBuffers) -> Result<()> {
         let threads = || Threads::Size([view.size[0], view.size[1], 1]);
         let pools = [&view.resources, panorama, &scene.resources];
-        self.centre.dispatch(frame, &[], &pools, &(), threads())?;
-        let Some(coverage) = &self.coverage else { return Ok(()) };
-        frame.barrier("coverage reads its neighbours' visibility");
-        coverage.dispatch(frame, &[], &pools, &(), threads())
+        frame.scope("gbuffer", |frame| {
+            self.centre.dispatch(frame, &[], &pools, &(), threads())?;
+            let Some(coverage) = &self.coverage else { return Ok(()) };
+            frame.barrier("coverage reads its neighbours' visibility");
+            coverage.dispatch(frame, &[], &pools, &(), threads())
+        })
     }
 }

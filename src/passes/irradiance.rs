@@ -87,19 +87,19 @@ impl Irradiance {
         panorama: &Resources,
         scene: &SceneBuffers,
         relight: &Relight,
-        role: Role,
     ) -> Result<()> {
         let mut relit = Resources::default();
         relit.add("relight_real", Resource::Image(relight.real.clone()));
         relit.add("relight_change", Resource::Image(relight.change.clone()));
         let pools = [&view.resources, panorama, &scene.resources, &relit];
-        let real = self.relight.as_ref().filter(|_| role == Role::Relight).unwrap_or(&self.real);
-        real.dispatch(frame, &[], &pools, &self.push, Threads::Indirect(&view.arguments, LIST_REAL))?;
-        if let (Role::Picture, Some(other)) = (role, &self.other) {
+        let real = self.relight.as_ref().filter(|_| view.role == Role::Relight).unwrap_or(&self.real);
+        frame.scope("irradiance", |frame| {
+            let list = |first| Threads::Indirect(&view.arguments, first);
+            frame.scope("real", |frame| real.dispatch(frame, &[], &pools, &self.push, list(LIST_REAL)))?;
+            let (Role::Picture, Some(other)) = (view.role, &self.other) else { return Ok(()) };
             // the two write different layers of the same images
             frame.barrier("virtual surfaces after real ones");
-            other.dispatch(frame, &[], &pools, &self.push, Threads::Indirect(&view.arguments, LIST_VIRTUAL))?;
-        }
-        Ok(())
+            frame.scope("virtual", |frame| other.dispatch(frame, &[], &pools, &self.push, list(LIST_VIRTUAL)))
+        })
     }
 }

@@ -26,7 +26,7 @@ impl LightTable {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
         Ok(Self {
-            cells: Kernel::new::<()>(gpu, "light_table", shaders::LIGHT_CELLS, &[])?,
+            cells: Kernel::new::<()>(gpu, "light_cells", shaders::LIGHT_CELLS, &[])?,
             sums: Kernel::new::<()>(
                 gpu,
                 "light_table",
@@ -39,8 +39,10 @@ impl LightTable {
     /// Records both dispatches.
     pub fn record(&self, frame: &mut Frame, panorama: &Panorama, view: &Resources) -> Result<()> {
         let pools = [&panorama.resources, view];
-        self.cells.dispatch(frame, &[], &pools, &(), Threads::Size([CELLS[0], CELLS[1], 1]))?;
-        frame.barrier("light_table sums its cells");
-        self.sums.dispatch(frame, &[], &pools, &(), Threads::Size([CELLS[1], 1, 1]))
+        frame.scope("light_table", |frame| {
+            self.cells.dispatch(frame, &[], &pools, &(), Threads::Size([CELLS[0], CELLS[1], 1]))?;
+            frame.barrier("light_table sums its cells");
+            self.sums.dispatch(frame, &[], &pools, &(), Threads::Size([CELLS[1], 1, 1]))
+        })
     }
 }

@@ -34,7 +34,7 @@ impl Normals {
     /// Builds the pipelines.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self {
-            plane_fit: Kernel::new::<NormalsPush>(gpu, "normals", shaders::PLANE_FIT, &[])?,
+            plane_fit: Kernel::new::<NormalsPush>(gpu, "plane_fit", shaders::PLANE_FIT, &[])?,
             select: Kernel::new::<NormalsPush>(gpu, "normals", shaders::NORMALS, &[])?,
         })
     }
@@ -63,12 +63,13 @@ impl Normals {
             step_radial,
             relative: 0.005,
         };
-        let raw = ("in_depth", Bind::from(panorama.raw_depth()?));
-        let threads = Threads::Size([width, height, 1]);
+        let special = [("in_depth", Bind::from(panorama.raw_depth()?))];
+        let threads = || Threads::Size([width, height, 1]);
         let pools = [&panorama.resources, view];
-        self.plane_fit.dispatch(frame, std::slice::from_ref(&raw), &pools, &push, threads)?;
-        frame.barrier("normals chooses among the planes fitted");
-        let threads = Threads::Size([width, height, 1]);
-        self.select.dispatch(frame, &[raw], &pools, &push, threads)
+        frame.scope("normals", |frame| {
+            self.plane_fit.dispatch(frame, &special, &pools, &push, threads())?;
+            frame.barrier("normals chooses among the planes fitted");
+            self.select.dispatch(frame, &special, &pools, &push, threads())
+        })
     }
 }

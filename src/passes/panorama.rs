@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    gpu::{Format, Gpu, Image},
+    gpu::{Format, Frame, Gpu, Image},
     panorama::source::PanoramaFrame,
     plan::{Part, Plan},
 };
@@ -204,11 +204,11 @@ impl Panorama {
         data.pyramid_nodes = self.shape.nodes;
     }
 
-    /// Uploads a frame; the per-video-frame passes must run after it.
-    pub fn upload(&self, gpu: &Gpu, frame: &PanoramaFrame) -> Result<()> {
-        gpu.write_image(&self.radiance, 0, 0, &frame.radiance)?;
+    /// Records the upload of a video frame; the passes of a new video frame must run after it.
+    pub fn upload(&self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
+        frame.write_image(&self.radiance, 0, 0, &content.radiance)?;
         match &self.raw_depth {
-            Some(raw_depth) => gpu.write_image(raw_depth, 0, 0, &with_poles(&frame.depth, frame.depth_size)),
+            Some(raw_depth) => frame.write_image(raw_depth, 0, 0, &with_poles(&content.depth, content.depth_size)),
             None => Ok(()),
         }
     }

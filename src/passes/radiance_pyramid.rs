@@ -22,14 +22,16 @@ impl RadiancePyramid {
     /// Records all levels.
     pub fn record(&self, frame: &mut Frame, panorama: &Panorama) -> Result<()> {
         let image = panorama.radiance();
-        for level in 1..image.levels() {
-            if level > 1 {
+        frame.scope("radiance_pyramid", |frame| {
+            (1..image.levels()).try_for_each(|level| {
                 frame.barrier("radiance_pyramid reads the level below");
-            }
-            let [width, height] = image.level_size(level);
-            let special = [("in_level", image.level(level - 1)), ("out_level", image.level(level))];
-            self.0.dispatch(frame, &special, &[&Resources::default()], &(), Threads::Size([width, height, 1]))?;
-        }
-        Ok(())
+                let [width, height] = image.level_size(level);
+                let special = [("in_level", image.level(level - 1)), ("out_level", image.level(level))];
+                let threads = Threads::Size([width, height, 1]);
+                frame.scope(&format!("level {level}"), |frame| {
+                    self.0.dispatch(frame, &special, &[&Resources::default()], &(), threads)
+                })
+            })
+        })
     }
 }

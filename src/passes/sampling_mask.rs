@@ -40,9 +40,6 @@ impl SamplingMask {
 
     /// Records the clearing of the lists and the dispatch.
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings, history_valid: bool) -> Result<()> {
-        frame.scope("sampling_mask");
-        frame.fill(&view.arguments, 0);
-        frame.barrier("sampling_mask counts from zero and reads the G-buffer");
         let push = SamplingMaskPush {
             dense: u32::from(!settings.sampling_mask),
             history_valid: u32::from(history_valid),
@@ -53,9 +50,11 @@ impl SamplingMask {
             mask_distance: settings.mask_distance,
             mark_untraced: u32::from(settings.sampling_mask && !settings.interpolate),
         };
-        let recorded =
-            self.0.dispatch(frame, &[], &[&view.resources], &push, Threads::Size([view.size[0], view.size[1], 1]));
-        frame.scope_end();
-        recorded
+        frame.scope("sampling_mask", |frame| {
+            frame.fill(&view.arguments, 0);
+            frame.barrier("sampling_mask counts from zero");
+            let threads = Threads::Size([view.size[0], view.size[1], 1]);
+            self.0.dispatch(frame, &[], &[&view.resources], &push, threads)
+        })
     }
 }

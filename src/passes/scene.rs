@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Buffer, Gpu},
+    gpu::{Buffer, Frame, Gpu},
     scene::packed::{BvhNode, Instance, PackedInstances, PackedScene},
 };
 use glam::Vec3;
@@ -17,8 +17,6 @@ pub struct SceneBuffers {
     pub resources: Resources,
     instances: Buffer,
     top_nodes: Buffer,
-    /// Instances of the current frame.
-    pub instance_count: u32,
 }
 
 impl SceneBuffers {
@@ -38,26 +36,27 @@ impl SceneBuffers {
         let top_nodes = gpu.buffer("top bvh nodes", (2 * instances * size_of::<BvhNode>()) as u64)?;
         add("instances", top.clone());
         add("top_nodes", top_nodes.clone());
-        Ok(Self { resources, instances: top, top_nodes, instance_count: 0 })
+        Ok(Self { resources, instances: top, top_nodes })
     }
 
-    /// Uploads the instances of a frame, moved to coordinates relative to `centre` (world, metres).
-    pub fn update(&mut self, gpu: &Gpu, mut state: PackedInstances, centre: Vec3) -> Result<()> {
-        for instance in &mut state.instances {
-            recentre(instance, centre);
-        }
-        for node in &mut state.nodes {
-            for corner in [&mut node.min0, &mut node.max0, &mut node.min1, &mut node.max1] {
-                *corner -= centre;
-            }
-        }
-        self.instance_count = state.instances.len() as u32;
-        if self.instance_count > 0 {
-            gpu.write_buffer(&self.instances, 0, &state.instances)?;
-            gpu.write_buffer(&self.top_nodes, 0, &state.nodes)?;
-        }
-        Ok(())
+    /// Records the upload of a frame's instances, which are relative to the panorama's centre.
+    pub fn upload(&self, frame: &mut Frame, state: &PackedInstances) -> Result<()> {
+        frame.write_buffer(&self.instances, 0, &state.instances)?;
+        frame.write_buffer(&self.top_nodes, 0, &state.nodes)
     }
+}
+
+/// Instances moved to coordinates relative to `centre` (world, metres).
+pub fn relative_to(centre: Vec3, mut state: PackedInstances) -> PackedInstances {
+    for instance in &mut state.instances {
+        recentre(instance, centre);
+    }
+    for node in &mut state.nodes {
+        for corner in [&mut node.min0, &mut node.max0, &mut node.min1, &mut node.max1] {
+            *corner -= centre;
+        }
+    }
+    state
 }
 
 fn recentre(instance: &mut Instance, centre: Vec3) {

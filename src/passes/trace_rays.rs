@@ -96,7 +96,9 @@ impl RayTracer {
         if tracer == Tracer::FarSides {
             panorama = panorama.with_far_sides(gpu)?;
         }
-        panorama.upload(gpu, frame)?;
+        let mut upload = gpu.frame()?;
+        panorama.upload(&mut upload, frame)?;
+        upload.run()?;
         let mut data =
             ViewData { edge_ratio: settings.edge_ratio, thickness: settings.thickness, ..ViewData::default() };
         panorama.describe(&mut data);
@@ -122,7 +124,7 @@ impl RayTracer {
         self.normals.record(&mut frame, &self.panorama, &self.view, self.quantisation, self.normal_radius)?;
         frame.barrier("depth_pyramid bounds the depth that normals wrote");
         self.depth_pyramid.record(&mut frame, &self.panorama, &self.view)?;
-        frame.submit()
+        frame.run()
     }
 
     /// What the pyramid takes.
@@ -144,7 +146,7 @@ impl RayTracer {
         let pools = [&self.panorama.resources, &self.view];
         let threads = Threads::Size([set.count, 1, 1]);
         self.kernel.dispatch(&mut frame, &special, &pools, &Push { count: set.count }, threads)?;
-        Ok(frame.submit()?.gpu_ms)
+        Ok(frame.run()?.gpu_ms)
     }
 
     /// The answers of the last time they were traced.

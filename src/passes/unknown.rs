@@ -52,7 +52,7 @@ impl Unknown {
         own.add("unknown", Resource::Image(image.clone()));
         let threads = Threads::Size([size[0], size[1], 1]);
         self.kernel.dispatch(&mut frame, &[], &[&own, view, &self.panorama.resources], &(), threads)?;
-        frame.submit()?;
+        frame.run()?;
         self.image = Some(image.clone());
         Ok(image)
     }

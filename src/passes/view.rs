@@ -64,6 +64,8 @@ impl ViewData {
 
 /// Images, lists and history of one picture.
 pub struct View {
+    /// What it is for.
+    pub role: Role,
     /// Width and height, pixels.
     pub size: [u32; 2],
     /// Everything by name.
@@ -231,7 +233,7 @@ impl View {
         resources.add("tiles", Resource::Buffer(gpu.buffer(&format!("{label} tiles"), tiles)?));
         resources.add("arguments", Resource::Buffer(arguments.clone()));
         resources.add("view", Resource::Buffer(data.clone()));
-        Ok(Self { size, resources, data, arguments, history_reset: Some("first frame"), previous: None })
+        Ok(Self { role, size, resources, data, arguments, history_reset: Some("first frame"), previous: None })
     }
 
     /// An image by name, as the current frame writes it.

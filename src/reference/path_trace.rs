@@ -6,9 +6,13 @@
 use super::lights::light_table;
 use crate::{
     Error, Result,
-    gpu::{Bind, Buffer, Format, Gpu, Image, Threads},
+    gpu::{Bind, Buffer, Format, Gpu, Image, Threads, Ticket},
     gpu_struct,
-    passes::{resources::Kernel, scene::SceneBuffers, view::ViewData},
+    passes::{
+        resources::Kernel,
+        scene::{SceneBuffers, relative_to},
+        view::ViewData,
+    },
     scene::{
         packed::{PackedInstances, PackedScene},
         viewpoint::Viewpoint,
@@ -126,6 +130,8 @@ pub struct PathTracer {
     /// Sums of whole batches; empty before the first one.
     batches: [Vec<[f64; 4]>; SUMMED],
     samples: u32,
+    /// What the device does now.
+    in_flight: Option<Ticket>,
     /// The hash of the scene and of the place it is seen from.
     scene_hash: blake3::Hasher,
 }
@@ -155,10 +161,12 @@ impl PathTracer {
         let table = light_table(scene, state);
         let mut punctual = state.lights.clone();
         punctual.iter_mut().for_each(|light| light.position -= centre);
-        let mut buffers = SceneBuffers::new(gpu, scene, state.instances.len())?;
-        buffers.update(gpu, state.clone(), centre)?;
-        let mut view =
-            ViewData { size, seed: settings.seed, instance_count: buffers.instance_count, ..Default::default() };
+        let buffers = SceneBuffers::new(gpu, scene, state.instances.len())?;
+        let mut upload = gpu.frame()?;
+        buffers.upload(&mut upload, &relative_to(centre, state.clone()))?;
+        upload.run()?;
+        let instance_count = state.instances.len() as u32;
+        let mut view = ViewData { size, seed: settings.seed, instance_count, ..Default::default() };
         view.look(viewpoint, viewpoint);
         let push = Push {
             light_count: table.lights.len() as u32,
@@ -183,6 +191,7 @@ impl PathTracer {
             images: [image("reflected")?, image("other")?, image("albedo")?, image("centre")?],
             batches: Default::default(),
             samples: 0,
+            in_flight: None,
         })
     }
 
@@ -196,7 +205,6 @@ impl PathTracer {
             self.end_batch()?;
         }
         self.view.frame = self.samples;
-        self.gpu.write_buffer(&self.view_buffer, 0, &[self.view])?;
         let [width, height] = self.view.size;
         let rows = (PIXELS_PER_DISPATCH / width).next_multiple_of(8).max(8);
         for first_row in (0..height).step_by(rows as usize) {
@@ -206,9 +214,16 @@ impl PathTracer {
             special.extend(self.images.iter().map(|(name, image)| (*name, Bind::from(image))));
             let push = Push { first_row, rows, fresh, ..self.push };
             let mut frame = self.gpu.frame()?;
+            if first_row == 0 {
+                frame.write_buffer(&self.view_buffer, 0, &[self.view])?;
+                frame.barrier("path_trace reads its view");
+            }
             let threads = Threads::Size([width, rows.min(height - first_row), 1]);
             self.kernel.dispatch(&mut frame, &special, &[&self.scene.resources], &push, threads)?;
-            frame.submit()?;
+            // the device has one to do while the next is recorded
+            if let Some(before) = self.in_flight.replace(frame.submit()?) {
+                before.wait()?;
+            }
         }
         self.samples += 1;
         Ok(())

@@ -4,11 +4,11 @@
 use super::state::{Compare, RenderedPicture, Side, Wanted};
 use crate::{
     Error, Result,
-    gpu::{Gpu, Image, Pieces, Timings},
+    gpu::{FrameOptions, Gpu, Image, Pieces, Timings},
     options::RenderOptions,
     passes::display::{Display, Input, Meaning},
     plan::Plan,
-    renderer::Renderer,
+    renderer::{Renderer, Wishes},
     scene::{Scene, packed::PackedScene, viewpoint::Projection},
 };
 use std::{
@@ -65,6 +65,8 @@ pub struct Painter {
     frame_ms: f64,
     timings: Arc<Timings>,
     held_relight: bool,
+    /// Whether the last frame was submitted in pieces, which are timed by the clock.
+    by_clock: bool,
     /// Whether something has moved since the relit panorama began to accumulate. The next picture in full
     /// size then begins anew.
     stale: bool,
@@ -126,6 +128,7 @@ impl Painter {
             frame_ms: 0.0,
             timings: Arc::default(),
             held_relight: false,
+            by_clock: false,
             stale: false,
             pure: false,
             images: Vec::new(),
@@ -210,10 +213,12 @@ impl Painter {
             return Ok(false);
         }
         self.view = Some(wanted.clone());
-        renderer.hold_relight = hold_relight;
-        renderer.pieces = (built || self.cost.of(size) > SHORT).then(|| self.pieces.clone());
+        let pieces = (built || self.cost.of(size) > SHORT).then(|| self.pieces.clone());
+        self.by_clock = pieces.is_some();
+        let wishes = Wishes { hold_relight, submission: FrameOptions { pieces, ..FrameOptions::default() } };
         let start = Instant::now();
-        let timings = match renderer.render(scene, wanted.time) {
+        let begun = renderer.begin(scene, wanted.time, &wishes);
+        let timings = match begun.and_then(|begun| renderer.collect(begun)) {
             Ok(timings) => timings,
             Err(error) => {
                 renderer.restart();
@@ -227,7 +232,7 @@ impl Painter {
             tracing::debug!("its first frame of {size:?}, {:.2} s", self.frame_ms * 1e-3);
         }
         self.held_relight = hold_relight;
-        let relight = timings.entries.iter().filter(|(name, _)| name == "relight").map(|(_, ms)| ms).sum();
+        let relight = timings.pass("relight").unwrap_or_default();
         // The first frame compiles shaders and prepares the panorama, so its time does not count.
         if !built {
             self.cost.learn(timings.gpu_ms, relight, size);
@@ -297,7 +302,7 @@ impl Painter {
         };
         let mut frame = self.gpu.frame()?;
         display.record(&mut frame, &input, &image)?;
-        frame.submit()?;
+        frame.run()?;
         if !self.images.iter().any(|known| known.same(&image)) {
             self.images.push(image.clone());
         }
@@ -308,7 +313,7 @@ impl Painter {
             frames: self.frames,
             frame_ms: self.frame_ms,
             timings: Arc::clone(&self.timings),
-            by_clock: renderer.pieces.is_some(),
+            by_clock: self.by_clock,
             time: wanted.time,
             held_relight: self.held_relight,
             preview: self.preview,

@@ -1,7 +1,7 @@
 //! The time of each pass of A, now and over the last frames.
 
 use super::session::{FrameRecord, Session};
-use crate::{gpu::Timings, passes::PASSES};
+use crate::{gpu::Node, passes::PASSES};
 use egui::{Color32, Rect, Ui};
 
 /// Number of frames that the graph shows.
@@ -10,11 +10,11 @@ pub const FRAMES: usize = 120;
 /// Shows a table with bars, and a graph with a column for each frame, stacked from its passes.
 pub fn show(session: &Session, ui: &mut Ui) {
     let Some(picture) = &session.shown.pictures[0] else { return };
-    let passes = sums(&picture.timings);
-    let most = passes.iter().map(|(_, ms)| *ms).fold(1e-9, f64::max);
+    let passes = picture.timings.tree();
+    let most = passes.iter().map(|pass| pass.ms).fold(1e-9, f64::max);
     egui::Grid::new("passes").num_columns(3).spacing([8.0, 2.0]).show(ui, |ui| {
-        for (name, ms) in &passes {
-            ui.monospace(*name);
+        for Node { name, ms, .. } in &passes {
+            ui.monospace(name);
             ui.monospace(format!("{ms:8.2}"));
             let (rect, _) = ui.allocate_exact_size(egui::vec2(90.0, 10.0), egui::Sense::hover());
             let bar = Rect::from_min_size(rect.min, egui::vec2(rect.width() * (ms / most) as f32, rect.height()));
@@ -38,19 +38,7 @@ pub fn show(session: &Session, ui: &mut Ui) {
     ui.weak(format!("{} pictures, {} video frames passed over", session.shown.rendered, session.shown.dropped));
 }
 
-/// Milliseconds by name, in the order of the frame.
-fn sums(timings: &Timings) -> Vec<(&str, f64)> {
-    let mut sums: Vec<(&str, f64)> = Vec::new();
-    for (name, ms) in &timings.entries {
-        match sums.iter_mut().find(|(known, _)| known == name) {
-            Some((_, sum)) => *sum += ms,
-            None => sums.push((name, *ms)),
-        }
-    }
-    sums
-}
-
-/// The colour that the pass of a name has in charts.
+/// That of the pass in charts.
 fn color(name: &str) -> Color32 {
     let pass = PASSES.iter().find(|pass| pass.name == name);
     pass.and_then(|pass| Color32::from_hex(pass.color).ok()).unwrap_or(Color32::WHITE)
@@ -71,12 +59,10 @@ fn graph(frames: &[FrameRecord], ui: &mut Ui) {
             painter.rect_filled(Rect::from_min_max(corners[0], corners[1]), 0.0, color);
             bottom = top;
         };
-        let passes = sums(&frame.timings);
-        let covered: f64 = passes.iter().map(|(_, ms)| ms).sum();
-        for (name, ms) in passes {
-            part(ms, color(name));
+        for pass in frame.timings.tree() {
+            part(pass.ms, color(&pass.name));
         }
-        part((frame.wall_ms - covered).max(0.0), Color32::from_gray(60));
+        part((frame.wall_ms - frame.timings.sum()).max(0.0), Color32::from_gray(60));
     }
     response.on_hover_text("each stacked from its passes in the colours above; grey: the rest of its time");
     ui.weak(format!("the last {} frames, up to {top:.0} ms", frames.len()));

@@ -29,7 +29,7 @@ pub type Texels = Vec<[f32; 4]>;
 /// Runs a test on a device with core and synchronization validation, destroys the device, and demands that nothing was said.
 pub fn validated(test: impl FnOnce(&Gpu)) {
     let device = std::env::var("IPRT_DEVICE").ok();
-    let gpu = Gpu::new(&GpuOptions { device, validation: true })
+    let gpu = Gpu::new(&GpuOptions { device, validation: true, ..Default::default() })
         .expect("tests need a Vulkan device and the validation layer");
     test(&gpu);
     let messages = gpu.destroy().expect("nothing holds the device");

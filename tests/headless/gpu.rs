@@ -5,8 +5,8 @@ use crate::shaders;
 use iprt::{
     Error,
     gpu::{
-        Access, Bind, Binding, Format, Gpu, GpuOptions, Kind, PassDeclaration, PushLayout, StructLayout, Threads,
-        bindings, struct_layout,
+        Access, Bind, Binding, Format, FrameOptions, Gpu, GpuOptions, Kind, PassDeclaration, PushLayout, StructLayout,
+        Threads, bindings, struct_layout,
     },
     gpu_struct,
 };
@@ -40,7 +40,8 @@ const SAMPLE: PassDeclaration = PassDeclaration { name: "sample", spirv: shaders
 
 fn open() -> Gpu {
     let device = std::env::var("IPRT_DEVICE").ok();
-    Gpu::new(&GpuOptions { device, validation: true }).expect("GPU tests need a Vulkan device and validation layer")
+    Gpu::new(&GpuOptions { device, validation: true, ..Default::default() })
+        .expect("GPU tests need a Vulkan device and validation layer")
 }
 
 fn clean(gpu: Gpu) {
@@ -62,10 +63,10 @@ fn upload_dispatch_read_back() {
         let binds = [("out_values", Bind::from(&to)), ("in_values", Bind::from(&from))];
         frame.dispatch(&add, &binds, &push, Threads::Size([999, 1, 1])).unwrap();
         frame.dispatch(&add, &binds, &push, Threads::Size([0, 1, 1])).unwrap();
-        let timings = frame.submit().unwrap();
+        let timings = frame.run().unwrap();
         assert_eq!(timings.entries.len(), 1, "an empty dispatch runs nothing");
-        assert_eq!(timings.entries[0].0, "add");
-        assert!(timings.entries[0].1 >= 0.0 && timings.gpu_ms >= timings.entries[0].1);
+        assert_eq!(timings.entries[0].path, ["add"]);
+        assert!(timings.sum() >= 0.0 && timings.gpu_ms >= timings.sum());
         let result: Vec<f32> = gpu.read_buffer(&to).unwrap();
         let expected: Vec<f32> = (0..1000).map(|i| if i < 999 { i as f32 + 0.5 } else { 0.0 }).collect();
         assert_eq!(result, expected);
@@ -88,7 +89,7 @@ fn structs_uniforms_and_specialization_arrive() {
             let binds =
                 [("in_items", Bind::from(&items)), ("in_scale", Bind::from(&scale)), ("out_sums", Bind::from(&sums))];
             frame.dispatch(&pass, &binds, &(), Threads::Size([2, 1, 1])).unwrap();
-            frame.submit().unwrap();
+            frame.run().unwrap();
             assert_eq!(gpu.read_buffer::<f32>(&sums).unwrap(), [42.0 + extra, 7.0 + extra]);
         }
     }
@@ -111,8 +112,8 @@ fn an_indirect_dispatch_runs_what_the_gpu_counted() {
         let binds = [("in_values", Bind::from(&from)), ("out_values", Bind::from(&to))];
         let push = AddPush { count: 256, amount: 1.0 };
         frame.dispatch(&add, &binds, &push, Threads::Indirect(&arguments, 0)).unwrap();
-        let timings = frame.submit().unwrap();
-        let names: Vec<_> = timings.entries.iter().map(|(name, _)| name.as_str()).collect();
+        let timings = frame.run().unwrap();
+        let names: Vec<_> = timings.entries.iter().map(iprt::gpu::Entry::pass).collect();
         assert_eq!(names, ["fill arguments", "count", "add"]);
         let result: Vec<f32> = gpu.read_buffer(&to).unwrap();
         assert_eq!(result.iter().filter(|&&v| v == 2.0).count(), 3 * 64);
@@ -136,7 +137,7 @@ fn images_have_levels_and_layers() {
         let binds = [("in_level", image.level(0)), ("out_level", image.level(1))];
         let mut frame = gpu.frame().unwrap();
         frame.dispatch(&blur, &binds, &(), Threads::Size([4, 2, 2])).unwrap();
-        frame.submit().unwrap();
+        frame.run().unwrap();
         let expected = |v: f32| [v; 4];
         assert_eq!(gpu.read_image_level(&image, 0, 1).unwrap(), [expected(0.0); 8], "cleared when made");
         let row = [1.0, 2.0, 2.0, 2.0].map(expected);
@@ -144,7 +145,7 @@ fn images_have_levels_and_layers() {
         let copy = gpu.image("copy", [8, 4], 2, 2, Format::Rgba16f).unwrap();
         let mut frame = gpu.frame().unwrap();
         frame.copy_image(&image, &copy).unwrap();
-        frame.submit().unwrap();
+        frame.run().unwrap();
         assert_eq!(gpu.read_image(&copy, 1).unwrap()[..2], [expected(1.0), expected(3.0)]);
         assert_eq!(gpu.read_image_level(&copy, 1, 1).unwrap(), [row, row].concat());
     }
@@ -169,7 +170,7 @@ fn sampling_filters_wraps_across_the_seam_and_stops_at_the_poles() {
         ];
         let mut frame = gpu.frame().unwrap();
         frame.dispatch(&pass, &binds, &(), Threads::Size([4, 1, 1])).unwrap();
-        frame.submit().unwrap();
+        frame.run().unwrap();
         let values: Vec<f32> = gpu.read_image(&samples, 0).unwrap().iter().map(|v| v[0]).collect();
         for (value, expected) in values.iter().zip([1.5, 5.0, 1.0, 7.0]) {
             assert!((value - expected).abs() < 0.02, "{values:?}"); // filtering has 8 bits of weight
@@ -187,24 +188,24 @@ fn scopes_name_timings_and_query_pools_grow() {
         let (a, b) = (gpu.buffer("a", 4096).unwrap(), gpu.buffer("b", 4096).unwrap());
         for rounds in [3, 150, 2] {
             let mut frame = gpu.frame().unwrap();
-            frame.scope("relight");
-            for round in 0..rounds {
-                let (from, to) = if round % 2 == 0 { (&a, &b) } else { (&b, &a) };
-                let binds = [("in_values", Bind::from(from)), ("out_values", Bind::from(to))];
-                frame
-                    .dispatch(&add, &binds, &AddPush { count: 1024, amount: 1.0 }, Threads::Size([1024, 1, 1]))
-                    .unwrap();
-                frame.barrier("each round reads the last");
-            }
-            frame.scope_end();
+            frame.scope("relight", |frame| {
+                for round in 0..rounds {
+                    let (from, to) = if round % 2 == 0 { (&a, &b) } else { (&b, &a) };
+                    let binds = [("in_values", Bind::from(from)), ("out_values", Bind::from(to))];
+                    let push = AddPush { count: 1024, amount: 1.0 };
+                    frame.dispatch(&add, &binds, &push, Threads::Size([1024, 1, 1])).unwrap();
+                    frame.barrier("each round reads the last");
+                }
+            });
             frame.copy_buffer(&a, &b).unwrap();
-            assert_eq!(frame.barriers(), rounds);
-            let timings = frame.submit().unwrap();
+            let timings = frame.run().unwrap();
+            assert_eq!(timings.barriers, rounds);
             let (last, relit) = timings.entries.split_last().unwrap();
-            assert!(relit.len() == rounds && relit.iter().all(|(name, _)| name == "relight"));
-            assert_eq!(last.0, "copy a to b");
-            let sum: f64 = timings.entries.iter().map(|(_, ms)| ms).sum();
-            assert!(timings.gpu_ms >= sum && sum > 0.0);
+            assert!(relit.len() == rounds && relit.iter().all(|entry| entry.path == ["relight", "add"]));
+            assert_eq!(last.path, ["copy a to b"]);
+            let tree = timings.tree();
+            assert_eq!(tree.iter().map(|node| node.name.as_str()).collect::<Vec<_>>(), ["relight", "copy a to b"]);
+            assert!(timings.gpu_ms >= timings.sum() && timings.sum() > 0.0);
         }
         assert_eq!(gpu.read_buffer::<f32>(&b).unwrap()[0], 2.0 + 150.0 + 2.0);
     }
@@ -215,7 +216,7 @@ fn scopes_name_timings_and_query_pools_grow() {
 fn chain(gpu: &Gpu, skip: Option<usize>, ignore_hazards: bool) -> iprt::Result<()> {
     let add = gpu.pass(&ADD, &[])?;
     let (a, b) = (gpu.buffer("a", 4096)?, gpu.buffer("b", 4096)?);
-    let mut frame = gpu.frame()?;
+    let mut frame = gpu.frame_with(FrameOptions { skip_barrier: skip, ignore_hazards, ..Default::default() })?;
     for (i, (from, to)) in [(&a, &b), (&b, &a), (&a, &b)].into_iter().enumerate() {
         if i > 0 {
             frame.barrier("each round reads the last");
@@ -223,9 +224,94 @@ fn chain(gpu: &Gpu, skip: Option<usize>, ignore_hazards: bool) -> iprt::Result<(
         let binds = [("in_values", Bind::from(from)), ("out_values", Bind::from(to))];
         frame.dispatch(&add, &binds, &AddPush { count: 1024, amount: 1.0 }, Threads::Size([1024, 1, 1]))?;
     }
-    frame.skip_barrier(skip);
-    frame.ignore_hazards(ignore_hazards);
-    frame.submit().map(|_| ())
+    frame.run().map(|_| ())
+}
+
+#[test]
+fn frames_in_flight_run_in_order_and_need_no_waiting() {
+    let gpu = open();
+    {
+        let add = gpu.pass(&ADD, &[]).unwrap();
+        let (a, b) = (gpu.buffer("a", 4096).unwrap(), gpu.buffer("b", 4096).unwrap());
+        let mut tickets = Vec::new();
+        for round in 0..8 {
+            // what is written overwrites what the frame before reads
+            let mut frame = gpu.frame().unwrap();
+            frame.write_buffer(&a, 0, &[round as f32; 1024]).unwrap();
+            frame.barrier("add reads what was written");
+            let binds = [("in_values", Bind::from(&a)), ("out_values", Bind::from(&b))];
+            let push = AddPush { count: 1024, amount: 0.5 };
+            frame.dispatch(&add, &binds, &push, Threads::Size([1024, 1, 1])).unwrap();
+            let copy = gpu.buffer("copy", 4096).unwrap();
+            frame.barrier("the sum is kept");
+            frame.copy_buffer(&b, &copy).unwrap();
+            tickets.push((frame.submit().unwrap(), copy));
+        }
+        // what a frame uses lives until it has run, whoever drops it
+        drop((add, a, b));
+        for (round, (ticket, copy)) in tickets.into_iter().enumerate() {
+            if round % 3 == 0 {
+                drop(ticket);
+            } else {
+                assert_eq!(ticket.wait().unwrap().entries[0].path, ["write a"]);
+            }
+            assert_eq!(gpu.read_buffer::<f32>(&copy).unwrap()[1023], round as f32 + 0.5);
+        }
+    }
+    clean(gpu);
+}
+
+#[test]
+fn writes_of_a_frame_are_checked_and_tracked() {
+    let gpu = open();
+    {
+        let buffer = gpu.buffer("numbers", 16).unwrap();
+        let image = gpu.image("picture", [2, 2], 1, 1, Format::R32f).unwrap();
+        let mut frame = gpu.frame().unwrap();
+        assert!(frame.write_buffer(&buffer, 8, &[0u32; 3]).unwrap_err().to_string().contains("do not fit numbers"));
+        assert!(
+            frame.write_image(&image, 0, 0, &[0f32; 3]).unwrap_err().to_string().contains("takes 16 bytes, not 12")
+        );
+        assert!(frame.write_image(&image, 1, 0, &[0f32; 4]).unwrap_err().to_string().contains("no layer 1"));
+        frame.write_buffer(&buffer, 4, &[7u32, 8]).unwrap();
+        frame.write_image(&image, 0, 0, &[1.0f32, 2.0, 3.0, 4.0]).unwrap();
+        frame.write_buffer(&buffer, 0, &[1u32]).unwrap();
+        let error = frame.run().unwrap_err().to_string();
+        assert!(error.contains("write after write on numbers"), "{error}");
+        let mut frame = gpu.frame().unwrap();
+        frame.barrier("nothing came before");
+        frame.write_buffer(&buffer, 4, &[7u32, 8]).unwrap();
+        frame.write_image(&image, 0, 0, &[1.0f32, 2.0, 3.0, 4.0]).unwrap();
+        frame.barrier("the first is written again");
+        frame.write_buffer(&buffer, 0, &[1u32]).unwrap();
+        frame.barrier("nothing comes after");
+        assert_eq!(frame.run().unwrap().barriers, 1);
+        assert_eq!(gpu.read_buffer::<u32>(&buffer).unwrap(), [1, 7, 8, 0]);
+        assert_eq!(
+            gpu.read_image(&image, 0).unwrap().iter().map(|texel| texel[0]).collect::<Vec<_>>(),
+            [1.0, 2.0, 3.0, 4.0]
+        );
+    }
+    clean(gpu);
+}
+
+#[test]
+fn pipelines_are_kept_and_a_broken_cache_is_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = || {
+        let device = std::env::var("IPRT_DEVICE").ok();
+        let pipeline_cache = Some(folder.path().to_owned());
+        let gpu = Gpu::new(&GpuOptions { device, validation: true, pipeline_cache }).unwrap();
+        gpu.pass(&ADD, &[]).unwrap();
+        clean(gpu);
+        let files: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert_eq!(files.len(), 1, "{files:?}");
+        (files[0].clone(), std::fs::read(&files[0]).unwrap())
+    };
+    let (file, good) = run();
+    assert!(good.len() >= 64, "a check sum and a header at least");
+    std::fs::write(&file, [&good[..40], &[0xff; 100]].concat()).unwrap();
+    assert_eq!(run(), (file, good), "made again");
 }
 
 #[test]
@@ -399,7 +485,7 @@ fn dispatches_that_do_not_fit_their_pass_are_named() {
         let binds = [("in_panorama", l()), ("out_samples", w()), ("out_count", w())];
         says(frame.dispatch(&sample, &binds, &(), one), "in_panorama has no layers in GLSL");
         frame.dispatch(&add, &good, &push, one).unwrap();
-        assert!(frame.submit().unwrap_err().to_string().contains("add binds buffer twice"));
+        assert!(frame.run().unwrap_err().to_string().contains("add binds buffer twice"));
     }
     clean(gpu);
 }
@@ -420,7 +506,7 @@ fn sizes_beyond_the_device_are_input_errors() {
 #[test]
 fn a_device_that_does_not_exist_is_no_device() {
     for device in ["no such device", "4711"] {
-        let options = GpuOptions { device: Some(device.into()), validation: false };
+        let options = GpuOptions { device: Some(device.into()), ..Default::default() };
         let error = Gpu::new(&options).err().unwrap();
         assert!(matches!(error, Error::NoDevice { .. }), "{error}");
         assert_eq!(error.exit_code(), 3);

@@ -22,7 +22,8 @@ use std::sync::Arc;
 
 fn open() -> Gpu {
     let device = std::env::var("IPRT_DEVICE").ok();
-    Gpu::new(&GpuOptions { device, validation: true }).expect("tests need a Vulkan device and the validation layer")
+    Gpu::new(&GpuOptions { device, validation: true, ..Default::default() })
+        .expect("tests need a Vulkan device and the validation layer")
 }
 
 /// Destroys the device and demands that validation had nothing to say.

@@ -112,7 +112,7 @@ fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
         let (name, part) = (decision.part.name(), decision.part);
         let other = case.render(gpu, plan.flipped(decision).expect("a setting"));
         let (flip, steps) = change(case.options.size, &base.picture, &other.picture, &regions);
-        let dispatched = |r: &Rendered| r.first.entries.len();
+        let dispatched = |r: &Rendered| r.first.entries.iter().filter(|entry| entry.pass() != "upload").count();
         let code = |r: &Rendered| r.renderer.plan().code().count();
         println!(
             "  {name} forced {}: FLIP {flip:.4}, {steps}/255, dispatches {} to {}, bytes {} to {}",

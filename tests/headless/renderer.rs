@@ -4,12 +4,13 @@ use crate::common::*;
 use glam::{Vec3, vec2, vec3};
 use iprt::{
     Error,
+    gpu::FrameOptions,
     options::RenderOptions,
     panorama::{
         mapping::{bilinear, direction_f32},
         source::{PanoramaFrame, PanoramaSource},
     },
-    renderer::Renderer,
+    renderer::{Renderer, Wishes},
     scene::{
         Scene,
         animation::Track,
@@ -182,24 +183,23 @@ fn every_barrier_is_needed() {
         let scene = Scene::assemble("test", video, track, things, RenderSettings::default()).expect("a good scene");
         let set = [("relight_levels", "2"), ("relight_width", "32"), ("interpolate", "true")];
         let coarse = RenderOptions { size: [12, 8], ..options(Method::Iprt, &set) };
-        let mut renderer = rendered(gpu, &scene, coarse, 1);
-        let barriers = renderer.barriers();
+        let mut renderer = rendered(gpu, &scene, coarse.clone(), 1);
+        let barriers = Renderer::new(gpu, &scene, coarse).expect("fits").render(&scene, 0.0).expect("renders").barriers;
         assert!(barriers > 30, "{barriers}");
         let mut superfluous = vec![];
         for n in 0..barriers {
-            renderer.skip_barrier = Some(n);
-            match renderer.render(&scene, 1.0 / 30.0) {
+            let submission = FrameOptions { skip_barrier: Some(n), ..Default::default() };
+            match renderer.begin(&scene, 1.0 / 30.0, &Wishes { submission, ..Default::default() }) {
                 Err(Error::Internal(text)) => assert!(text.contains("no barrier between"), "{text}"),
                 Err(other) => panic!("barrier {n}: {other}"),
                 Ok(_) => superfluous.push(n),
             }
         }
         assert!(superfluous.is_empty(), "of {barriers} barriers these can be left out: {superfluous:?}");
-        renderer.skip_barrier = None;
         let timings = renderer.render(&scene, 1.0 / 30.0).expect("renders");
-        let names: Vec<_> = timings.entries.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(timings.barriers, barriers);
         for pass in iprt::passes::PASSES {
-            assert!(names.contains(&pass.name), "{} was among them", pass.name);
+            assert!(timings.pass(pass.name).is_some(), "{} was among them", pass.name);
         }
     });
 }
@@ -320,8 +320,8 @@ fn a_slow_pass_shows_in_its_own_entry_alone() {
         );
         let mut renderer = Renderer::new(gpu, &scene, options(Method::Iprt, &[])).expect("fits");
         let mut composite_share = |repeat| {
-            renderer.repeat = repeat;
-            let report = iprt::measure::bench::run(&mut renderer, &scene, 0, 5, 2, || {}).expect("renders");
+            let wishes = Wishes { submission: FrameOptions { repeat, ..Default::default() }, ..Default::default() };
+            let report = iprt::measure::bench::run(&mut renderer, &scene, 0, 5, 2, &wishes, || {}).expect("renders");
             let of = |name: &str| report.passes.iter().find(|p| p.name == name).expect("is a pass").median_ms;
             (of("composite"), of("atrous"))
         };

@@ -69,7 +69,7 @@ fn drawn<P: GpuStruct>(
     let mut bound = binds.to_vec();
     bound.push(("out_samples", Bind::from(&samples)));
     frame.dispatch(&pass, &bound, push, Threads::Size([count / PER_THREAD, 1, 1])).expect("bound");
-    frame.submit().expect("runs");
+    frame.run().expect("runs");
     let samples: Vec<[f32; 4]> = gpu.read_buffer(&samples).expect("reads");
     assert!(samples.iter().flatten().all(|x| x.is_finite()));
     samples
@@ -273,7 +273,9 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
     let frame = room(size, HIGH - LOW, 0.5 * (LOW + HIGH), |d| glow(to_panorama.inverse() * d));
     let needs = Needs { color_levels: 1, geometry: Err(Part::Objects), boxes: Err(Part::Objects), lights: Ok(()) };
     let panorama = Panorama::new(gpu, size, size, yaw_degrees, needs).expect("fits");
-    panorama.upload(gpu, &frame).expect("uploads");
+    let mut upload = gpu.frame().expect("records");
+    panorama.upload(&mut upload, &frame).expect("fits");
+    upload.run().expect("uploads");
     let data = ViewData {
         seed: 5,
         frame: 3,
@@ -287,7 +289,7 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
     view.add("view", Resource::Buffer(data.clone()));
     let mut recorded = gpu.frame().expect("a frame");
     LightTable::new(gpu, settings).expect("builds").record(&mut recorded, &panorama, &view).expect("records");
-    recorded.submit().expect("runs");
+    recorded.run().expect("runs");
     let find = |resources: &Resources, name: &str| match resources.0.iter().find(|(n, _)| *n == name) {
         Some((_, Resource::Buffer(buffer))) => Bind::from(buffer),
         _ => panic!("no buffer {name}"),

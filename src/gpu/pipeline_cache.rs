@@ -1,0 +1,145 @@
+//! Compiled pipelines, kept on disk: a driver that has seen a shader before need not compile it again.
+//!
+//! Vulkan asks a program to trust no file here: drivers may crash on data that is not theirs. So a file is used only where its
+//! check sum is right and its header names this device and this driver; any other one is ignored, and replaced at the end.
+
+use std::{
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use ash::vk;
+
+use super::device::during;
+use crate::Result;
+
+/// Caches larger than this are not kept: they hold shaders of many versions.
+const LARGEST: usize = 64 << 20;
+/// Bytes of the check sum before the driver's own data.
+const CHECK: usize = blake3::OUT_LEN;
+/// Bytes of Vulkan's header: its length, its version, vendor, device, and the driver's identifier (`VkPipelineCacheHeaderVersionOne`).
+const HEADER: usize = 16 + vk::UUID_SIZE;
+
+pub(super) struct PipelineCache {
+    handle: vk::PipelineCache,
+    file: Option<PathBuf>,
+    /// What was read from the file.
+    loaded: Vec<u8>,
+}
+
+impl PipelineCache {
+    /// Takes what the file in `folder` holds for this device and driver. Without a folder, pipelines are shared within the process alone.
+    pub(super) fn open(
+        device: &ash::Device,
+        properties: &vk::PhysicalDeviceProperties,
+        folder: Option<&Path>,
+    ) -> Result<Self> {
+        let header = header(properties);
+        let name = blake3::hash(&[&header[..], &properties.driver_version.to_le_bytes()].concat()).to_hex();
+        let file = folder.map(|folder| folder.join(format!("{}.bin", &name[..16])));
+        let loaded = file.as_deref().map_or(Vec::new(), |file| load(file, &header));
+        // SAFETY: the data is empty, or came from this driver and is as it was written.
+        let handle = unsafe {
+            let info = vk::PipelineCacheCreateInfo::default().initial_data(&loaded);
+            device.create_pipeline_cache(&info, None).map_err(during("vkCreatePipelineCache"))?
+        };
+        Ok(Self { handle, file, loaded })
+    }
+
+    pub(super) fn handle(&self) -> vk::PipelineCache {
+        self.handle
+    }
+
+    /// Writes the file where there is something new, and destroys the cache.
+    ///
+    /// # Safety
+    /// The device is alive, and nobody makes pipelines any more.
+    pub(super) unsafe fn close(&self, device: &ash::Device) {
+        // SAFETY: the caller's promise.
+        let data = unsafe { device.get_pipeline_cache_data(self.handle) };
+        // SAFETY: as above.
+        unsafe { device.destroy_pipeline_cache(self.handle, None) };
+        if let (Some(file), Ok(data)) = (&self.file, data)
+            && data != self.loaded
+            && data.len() <= LARGEST
+            && let Err(error) = store(file, &data)
+        {
+            tracing::debug!("{}: the pipelines cannot be kept: {error}", file.display());
+        }
+    }
+}
+
+/// What a cache of this device and driver begins with.
+fn header(properties: &vk::PhysicalDeviceProperties) -> [u8; HEADER] {
+    let words = [
+        HEADER as u32,
+        vk::PipelineCacheHeaderVersion::ONE.as_raw() as u32,
+        properties.vendor_id,
+        properties.device_id,
+    ];
+    let mut header = [0; HEADER];
+    let (numbers, identifier) = header.split_at_mut(16);
+    numbers.copy_from_slice(&words.map(u32::to_le_bytes).concat());
+    identifier.copy_from_slice(&properties.pipeline_cache_uuid);
+    header
+}
+
+/// The driver's data; empty where there is no file, or it is damaged, or of another device.
+fn load(file: &Path, header: &[u8]) -> Vec<u8> {
+    let Ok(content) = fs::read(file) else { return Vec::new() };
+    let data = content.split_at_checked(CHECK).filter(|(check, data)| {
+        blake3::hash(data).as_bytes() == check && data.starts_with(header) && data.len() <= LARGEST
+    });
+    match data {
+        Some((_, data)) => data.to_vec(),
+        None => {
+            tracing::debug!("{}: no cache of this device's pipelines, it is ignored", file.display());
+            Vec::new()
+        }
+    }
+}
+
+/// Appears whole or not at all.
+fn store(file: &Path, data: &[u8]) -> std::io::Result<()> {
+    let folder = file.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder)?;
+    let mut new = tempfile::NamedTempFile::new_in(folder)?;
+    new.write_all(blake3::hash(data).as_bytes())?;
+    new.write_all(data)?;
+    new.persist(file)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_was_written_for_this_device_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("deep").join("cache.bin");
+        let header = |device_id| {
+            let properties = vk::PhysicalDeviceProperties { vendor_id: 7, device_id, ..Default::default() };
+            super::header(&properties)
+        };
+        assert!(load(&file, &header(1)).is_empty(), "there is no file yet");
+        let data = [&header(1)[..], b"pipelines"].concat();
+        store(&file, &data).unwrap();
+        assert_eq!(load(&file, &header(1)), data);
+        assert!(load(&file, &header(2)).is_empty(), "of another device");
+        let whole = fs::read(&file).unwrap();
+        for length in [0, 10, CHECK, CHECK + 20, whole.len() - 1] {
+            fs::write(&file, &whole[..length]).unwrap();
+            assert!(load(&file, &header(1)).is_empty(), "cut to {length} bytes");
+        }
+        for at in [0, CHECK, CHECK + HEADER, whole.len() - 1] {
+            let mut damaged = whole.clone();
+            damaged[at] ^= 1;
+            fs::write(&file, &damaged).unwrap();
+            assert!(load(&file, &header(1)).is_empty(), "a bit of byte {at} is wrong");
+        }
+        store(&file, &data).unwrap();
+        assert_eq!(load(&file, &header(1)), data, "replaced by a good one");
+    }
+}

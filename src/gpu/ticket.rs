@@ -1,0 +1,113 @@
+//! Frames that the device was given and that are not known to have run.
+
+use ash::vk;
+
+use super::{
+    device::{Gpu, Shared, during},
+    encode,
+    frame::Command,
+    slot::{HeldSlot, Slot},
+    timing::{self, Timings},
+};
+use crate::{Error, Result};
+
+/// A frame that was handed over to the device. It runs whether or not anybody waits for it; frames of one device run one after the
+/// other, in the order in which they were submitted. A ticket that is dropped is waited for.
+#[must_use = "dropping a ticket waits for its frame and loses its timings"]
+pub struct Ticket(State);
+
+enum State {
+    /// The device may use all this.
+    Running {
+        gpu: Gpu,
+        slot: HeldSlot,
+        commands: Vec<Command>,
+    },
+    Done(Timings),
+}
+
+impl Ticket {
+    /// A frame that has run already.
+    pub(super) fn done(timings: Timings) -> Self {
+        Self(State::Done(timings))
+    }
+
+    /// Records the commands into the slot and submits them.
+    pub(super) fn submit(gpu: &Gpu, mut slot: HeldSlot, commands: Vec<Command>) -> Result<Self> {
+        if !commands.iter().any(|command| command.path().is_some()) {
+            return Ok(Self::done(Timings::default()));
+        }
+        encode::record(&gpu.0, &mut slot, &commands)?;
+        match slot.submit(&gpu.0) {
+            Ok(()) => Ok(Self(State::Running { gpu: gpu.clone(), slot, commands })),
+            Err(result) => {
+                abandon(slot, commands);
+                Err(during("submitting a frame")(result))
+            }
+        }
+    }
+
+    /// Waits until the frame has run.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] that names the last pass that ran where the device is lost or does not finish.
+    pub fn wait(mut self) -> Result<Timings> {
+        self.finish()
+    }
+
+    fn finish(&mut self) -> Result<Timings> {
+        match std::mem::replace(&mut self.0, State::Done(Timings::default())) {
+            State::Done(timings) => Ok(timings),
+            State::Running { gpu, slot, commands } => {
+                let barriers = commands.iter().filter(|command| command.path().is_none()).count();
+                let finished = slot.wait(&gpu.0);
+                let stamps = read_stamps(&gpu.0, &slot, 2 * (commands.len() - barriers));
+                match (finished, stamps) {
+                    (Ok(()), Ok(stamps)) if stamps.iter().all(|stamp| stamp[1] != 0) => {
+                        let stamps: Vec<_> = stamps.iter().map(|stamp| stamp[0]).collect();
+                        let paths = commands.iter().filter_map(Command::path);
+                        Ok(Timings { barriers, ..gpu.0.clock.timings(paths, &stamps) })
+                    }
+                    (Ok(()), stamps) => {
+                        let result = stamps.err().unwrap_or(vk::Result::NOT_READY);
+                        Err(during("vkGetQueryPoolResults for the timestamps of a finished frame")(result))
+                    }
+                    (Err(result), stamps) => {
+                        let written: Vec<bool> = stamps.unwrap_or_default().iter().map(|stamp| stamp[1] != 0).collect();
+                        let names: Vec<_> =
+                            commands.iter().filter_map(Command::path).map(|path| path.join(" / ")).collect();
+                        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+                        let place = timing::where_it_stopped(&names, &written);
+                        abandon(slot, commands);
+                        Err(Error::Vulkan { during: format!("the frame stopped {place}"), result })
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Drop for Ticket {
+    fn drop(&mut self) {
+        if let Err(error) = self.finish() {
+            tracing::error!("a frame that nobody waited for: {error}");
+        }
+    }
+}
+
+/// The device may still be using all this, so it is never freed.
+fn abandon(slot: HeldSlot, commands: Vec<Command>) {
+    slot.abandon();
+    std::mem::forget(commands);
+}
+
+/// Timestamps and whether each was written. Never waits.
+fn read_stamps(shared: &Shared, slot: &Slot, count: usize) -> std::result::Result<Vec<[u64; 2]>, vk::Result> {
+    let mut stamps = vec![[0u64; 2]; count];
+    let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WITH_AVAILABILITY;
+    // SAFETY: the pool holds at least `count` queries.
+    match unsafe { shared.device.get_query_pool_results(slot.queries, 0, &mut stamps, flags) } {
+        Ok(()) | Err(vk::Result::NOT_READY) => Ok(stamps),
+        Err(result) => Err(result),
+    }
+}
