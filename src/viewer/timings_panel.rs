@@ -38,7 +38,7 @@ pub fn show(session: &Session, ui: &mut Ui) {
     ui.weak(format!("{} pictures, {} video frames passed over", session.shown.rendered, session.shown.dropped));
 }
 
-/// That of the pass in charts.
+/// The colour that the pass of a name has in charts.
 fn color(name: &str) -> Color32 {
     let pass = PASSES.iter().find(|pass| pass.name == name);
     pass.and_then(|pass| Color32::from_hex(pass.color).ok()).unwrap_or(Color32::WHITE)
