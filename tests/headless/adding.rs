@@ -56,8 +56,10 @@ fn a_pass_is_added_by_the_steps_of_the_checklist() {
         let mut data = ViewData { size: view.size, ..Default::default() };
         panorama.describe(&mut data);
         data.look(&eye, &eye);
-        panorama.upload(gpu, &content).expect("fits");
-        gpu.write_buffer(&view.data, 0, &[data]).expect("fits");
+        let mut upload = gpu.frame().expect("a frame");
+        panorama.upload(&mut upload, &content).expect("fits");
+        upload.write_buffer(&view.data, 0, &[data]).expect("fits");
+        upload.run().expect("runs");
 
         // what the shader asks for and nobody has is named
         let unknown = edges.record(&mut gpu.frame().expect("a frame"), &view).expect_err("no such image").to_string();
@@ -74,13 +76,13 @@ fn a_pass_is_added_by_the_steps_of_the_checklist() {
             edges.record(&mut frame, &view)?;
             frame.barrier("composite reads L_cam");
             composite.record(&mut frame, &view, None)?;
-            frame.submit()
+            frame.run()
         };
         // its accesses are the shader's, so that what is missing between it and others is found
         let missing = record(false).expect_err("refused").to_string();
         assert!(missing.contains("no barrier between gbuffer and edges"), "{missing}");
         let timings = record(true).expect("runs");
-        let names: Vec<_> = timings.entries.iter().map(|(name, _)| name.as_str()).collect();
+        let names: Vec<_> = timings.entries.iter().map(iprt::gpu::Entry::pass).collect();
         assert_eq!(names, ["gbuffer", "edges", "composite"]);
 
         let read = |name: &str| gpu.read_image(view.image(name).expect("its name"), 0).expect("reads");
