@@ -3,7 +3,7 @@
 use super::clock::{self, Sample, median, quantile};
 use crate::{
     Result,
-    gpu::{Entry, Node, Timings},
+    gpu::{Entry, Node},
     renderer::{Renderer, Wishes, cost::PassPlan},
     scene::Scene,
 };
