@@ -1,9 +1,6 @@
-//! Maps equirectangular pixels to directions: `phi = 2π(u − ½)`, `theta = πv`, `d = (sin θ sin φ, cos θ, −sin
-//! θ cos φ)`. The image's centre looks along −Z, `u` grows to the right, and `v = 0` is +Y. Texel centres are
-//! at `((i + ½)/W, (j + ½)/H)`.
-//!
-//! Directions here belong to the panorama's own frame. In the world they are `world = rotate_y(yaw) ·
-//! panorama`.
+//! Maps equirectangular pixels to directions of the panorama's own frame. In the world they are turned by its yaw.
+//! `phi = 2π(u − ½)`, `theta = πv`, and `d = (sin θ sin φ, cos θ, −sin θ cos φ)`. The image's centre looks along
+//! −Z, `u` grows to the right, `v = 0` is +Y, and texel centres are at `((i + ½)/W, (j + ½)/H)`.
 
 use super::source::PanoramaFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3};

@@ -1,14 +1,9 @@
-//! The truths of one picture are computed once and kept in the cache folder, under a hash of all that they
-//! depend on.
+//! Keeps the truths of one picture in the cache folder, under a hash of all that they depend on.
 //!
-//! A truth consists of many small independent pictures, *batches*. Each has its own seed and its own file. An
-//! interrupted run loses only the batch in flight, and a run that asks for more samples adds batches. Even
-//! and odd batches make two halves, whose difference is the truth's own noise.
-//!
-//! A rare path to a small lamp (a caustic) can hold more light than all others of a pixel together. In each
-//! half a pixel's brightest batches are left out, one in four at most, as long as they are more than
-//! [`OUTLIER`] times as bright as the mean of the rest. [`Truth::outliers`] says how much light that takes
-//! away.
+//! A truth consists of *batches*: independent pictures, each with its own seed and file. An interrupted run
+//! loses only the batch in flight. Even and odd batches make two halves, whose difference is the truth's own
+//! noise. In each half a pixel's brightest batches are left out, if they are outliers: `docs/truth.md` says
+//! why, [`Truth::outliers`] how much light that takes away.
 
 use super::path_trace::{PathSettings, PathTracer, hash_scene};
 use crate::{

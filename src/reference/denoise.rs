@@ -1,10 +1,10 @@
 //! An edge-avoiding filter for captured panoramas: à-trous wavelets (Dammertz et al. 2010) over irradiance.
 //! Geometry and the variance of the samples guide it, as in SVGF (Schied et al. 2017).
 //!
-//! After a few dozen samples a path tracer leaves noise in the light, not in the textures. Reflected radiance
-//! is therefore divided by the albedo, filtered, and multiplied again. Emission that is seen directly is left
-//! as it is. So is the other surface's light in a texel on a silhouette, except that outliers are cut. The
-//! result is slightly biased where light changes faster than its variance shows.
+//! Noise is in the light, not in the textures. Reflected radiance is therefore divided by the albedo,
+//! filtered, and multiplied again. Emission seen directly, and in a texel on a silhouette the other surface's
+//! light, are left as they are, except that outliers are cut. The result is slightly biased where light
+//! changes faster than its variance shows.
 
 use super::path_trace::Sums;
 use crate::scene::viewpoint::{Projection, Viewpoint};

@@ -1,5 +1,5 @@
-//! Converges scene truth to a number of samples or a level of noise, and keeps what is done in a file beside
-//! the picture.
+//! Converges scene truth to a number of samples or a level of noise, and keeps its state in a file beside the
+//! picture.
 //!
 //! A state holds the very sums, so an interrupted and resumed run gives the same bits as one that was not
 //! interrupted. It names the scene and the settings by a hash, and holds a hash of itself.

@@ -1,9 +1,8 @@
-//! Bounding volume hierarchies: bottom levels over triangles (built once) and the top level over instances
+//! Bounding volume hierarchies: bottom levels over triangles (built once), the top level over instances
 //! (every frame).
 //!
 //! The shader walks both with one stack of [`STACK`] entries and pushes at most one entry a node. The depths
-//! of the two levels together (inner nodes on the longest path) therefore never exceed it: [`top_depth`],
-//! [`bottom_depth_limit`].
+//! of both (inner nodes on the longest path) together therefore never exceed it.
 
 use super::{
     bounds::Bounds,

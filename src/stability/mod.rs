@@ -1,10 +1,9 @@
-//! The stability suite: short sequences in which methods of this kind fail. Each has a number, a limit and a
-//! picture, for `ibl`, `paper` and `iprt` side by side. `docs/stability.md` says what each case asks and what
-//! was measured.
+//! The stability suite: short sequences in which methods of this kind fail. `docs/stability.md` says what
+//! each case asks and what was measured.
 //!
-//! A [`Case`] is a value. Its truth is computed wherever that is possible ([`world`]). Elsewhere the case
-//! asks for an invariant: a turned panorama, a repeat with the same seed, or an equilibrium. Each case names
-//! deliberate faults ([`Broken`]) that it must notice.
+//! The truth of a [`Case`] is computed if that is possible ([`world`]). Otherwise the case asks for an
+//! invariant: a turned panorama, a repeat with the same seed, or an equilibrium. Each names faults
+//! ([`Broken`]) that it must notice.
 
 pub mod cases;
 pub mod film;

@@ -1,6 +1,5 @@
-//! Small worlds that are known in closed form: a box room, boxes in it, a lamp, a few virtual things. One
-//! description gives the panorama that a camera at the origin captures, the scene that is rendered, and what
-//! the picture should be.
+//! Small worlds that are known in closed form. One description gives the panorama that a camera at the origin
+//! captures, the scene that is rendered, and what the picture should be.
 //!
 //! Real surfaces are diffuse and send what `paint` says. The lamp is a square that shines on top of that.
 //! Virtual things are Lambert surfaces, lamps or mirrors. Light is followed as the model does with

@@ -1,11 +1,6 @@
-//! Loads glTF 2.0 files as [`Model`]s.
-//!
-//! These are read: triangles (lists, strips, fans; with or without indices, interleaved, sparse), normals
-//! (flat if missing), tangents (from the file, else MikkTSpace if there is a normal map), one texture
-//! coordinate set a material with KHR_texture_transform baked in, metallic–roughness materials with
-//! KHR_materials_emissive_strength, _specular and _ior, node hierarchies, rigid animation, and
-//! KHR_lights_punctual. A warning names whatever else a file uses, and it is left out. An unknown extension
-//! that a file *requires* is an error. Nothing a file says is trusted before it is checked.
+//! Loads glTF 2.0 files as [`Model`]s. `docs/scene.md` says what is read. A warning names whatever else a
+//! file uses, and it is left out. An unknown extension that a file *requires* is an error. Nothing a file
+//! says is trusted unchecked.
 
 mod accessor;
 mod animation;

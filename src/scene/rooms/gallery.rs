@@ -1,6 +1,5 @@
 //! `gallery`: an exhibition hall 8 m × 6.4 m × 3.5 m with thin posts, barriers, plinths, a large real mirror
-//! and bright ceiling panels. A painted screen swings about its post, so the real geometry of this room
-//! moves.
+//! and bright ceiling panels. A painted screen swings about its post, so this room's real geometry moves.
 //!
 //! Plan (metres, origin below the capture point): x from −4 to 4 (mirror), z from −4.2 (paintings) to 2.2
 //! (door).

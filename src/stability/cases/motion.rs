@@ -117,10 +117,10 @@ fn worst_flip(run: &Run, film: &Film, frames: impl IntoIterator<Item = usize>) -
     run.worst(film, frames, |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.concerned(), 1.0))
 }
 
-/// Returns the share of a film's one step, between `before` and `before + 1`, that is still missing in the
-/// third frame after it. The whole step leads from what the method shows before it to what it shows when it
-/// starts anew after it. It is taken in displayed values, as a lag is in `measure::temporal`. The pixels that
-/// count change, and show wholly the same kind of surface before and after: with `things` a thing.
+/// Returns the share of a film's step between `before` and `before + 1` that is missing in the third frame
+/// after it. The whole step leads from what the method shows before it to what it shows when it starts anew.
+/// It is taken in displayed values, over pixels that change and wholly show one kind of surface before and
+/// after: with `things` a thing.
 fn left(run: &Run, film: &Film, fresh: &Film, before: usize, things: bool) -> Result<Outcome> {
     let pictures = run.play(film)?;
     let (start, test, end) = (&pictures[before], pictures[before + 3].clone(), run.play(fresh)?.remove(0));
