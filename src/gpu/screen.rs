@@ -38,7 +38,7 @@ pub enum Shown {
     NotNow,
 }
 
-/// See the module.
+/// The swapchain of a window, and its frames in flight.
 pub struct Screen {
     gpu: Gpu,
     window: Arc<dyn WindowHandles>,

@@ -15,7 +15,7 @@ gpu_struct! {
     pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32, pub raw: u32 }
 }
 
-/// See the module.
+/// The pass that filters in space.
 pub struct Atrous(Kernel);
 
 impl Atrous {

@@ -8,7 +8,7 @@ use crate::{
     shaders,
 };
 
-/// See the module.
+/// The pass that makes the picture.
 pub struct Composite(Kernel);
 
 impl Composite {

@@ -15,7 +15,7 @@ gpu_struct! {
     pub struct DepthPyramidPush { pub level: u32, pub width: u32, pub height: u32, pub far_sides: u32 }
 }
 
-/// See the module.
+/// The pass that makes the boxes.
 pub struct DepthPyramid(Kernel);
 
 impl DepthPyramid {

@@ -127,7 +127,7 @@ pub struct Input<'a> {
     pub marked: Option<&'a Image>,
 }
 
-/// See the module.
+/// The pass that makes an image fit to look at.
 pub struct Display {
     kernel: Kernel,
     /// For what an input does not have.

@@ -21,7 +21,7 @@ pub struct Look {
     pub off_centre: bool,
 }
 
-/// See the module.
+/// The pass that finds what each pixel shows.
 pub struct Gbuffer {
     centre: Kernel,
     /// Where objects are in view.

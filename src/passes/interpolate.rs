@@ -18,7 +18,7 @@ gpu_struct! {
     pub struct InterpolatePush { pub radius: i32 }
 }
 
-/// See the module.
+/// The pass that fills pixels that were not traced.
 pub struct Interpolate(Kernel);
 
 impl Interpolate {

@@ -31,7 +31,7 @@ gpu_struct! {
     pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32, pub march_steps: u32 }
 }
 
-/// See the module.
+/// The pass that traces paths.
 pub struct Irradiance {
     real: Kernel,
     /// Where virtual surfaces are in view.

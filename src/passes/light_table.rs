@@ -16,7 +16,7 @@ use crate::{
 /// Bytes of the table: header, row sums, cumulative cells, cells.
 pub const BYTES: u64 = 4 * (2 + CELLS[1] as u64 + 2 * CELLS[0] as u64 * CELLS[1] as u64);
 
-/// See the module.
+/// The pass that fills the light table.
 pub struct LightTable {
     cells: Kernel,
     sums: Kernel,

@@ -24,7 +24,7 @@ gpu_struct! {
     }
 }
 
-/// See the module.
+/// The pass that fits planes and gives normals.
 pub struct Normals {
     plane_fit: Kernel,
     select: Kernel,

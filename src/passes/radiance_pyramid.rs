@@ -10,7 +10,7 @@ use crate::{
     shaders,
 };
 
-/// See the module.
+/// The pass that makes the mip levels.
 pub struct RadiancePyramid(Kernel);
 
 impl RadiancePyramid {

@@ -27,7 +27,7 @@ gpu_struct! {
     }
 }
 
-/// See the module.
+/// The pass that chooses the pixels to trace.
 pub struct SamplingMask(Kernel);
 
 impl SamplingMask {

@@ -24,7 +24,7 @@ pub enum Input<'a> {
     Filtered([&'a Image; 2]),
 }
 
-/// See the module.
+/// The pass that accumulates over time.
 pub struct Temporal {
     still: Option<Kernel>,
     clamped: Option<Kernel>,

@@ -11,7 +11,7 @@ use crate::{
     shaders,
 };
 
-/// See the module.
+/// The pass that marks what was never seen, with what it needs.
 pub struct Unknown {
     kernel: Kernel,
     depth_pyramid: DepthPyramid,

@@ -30,7 +30,7 @@ pub enum CameraPlace {
 /// The least share of light above the mean at which `light_table.comp` draws lights, less what rounding may make of it.
 pub const EVEN: f64 = 0.05 - 1e-4;
 
-/// See the module. What is not known for certain counts as needed.
+/// What is known about a scene. What is not known for certain counts as needed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
     /// Width and height of the panorama's radiance, texels.

@@ -45,7 +45,7 @@ pub struct Decision {
     pub why: String,
 }
 
-/// See the module.
+/// A plan: which parts of the model are on, and why.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// A decision on each part, in the order of [`Part::ALL`].
