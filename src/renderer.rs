@@ -217,7 +217,7 @@ impl Renderer {
     /// Renders the scene at a time in seconds, and waits. Motion is measured from the time of the previous call.
     ///
     /// # Errors
-    /// As [`Renderer::begin`] and [`Renderer::collect`].
+    /// Fails as [`Renderer::begin`] and [`Renderer::collect`] do.
     pub fn render(&mut self, scene: &Scene, time: f64) -> Result<Timings> {
         let begun = self.begin(scene, time, &Wishes::default())?;
         self.collect(begun)
@@ -227,7 +227,8 @@ impl Renderer {
     /// prepared.
     ///
     /// # Errors
-    /// As [`Renderer::begin`] and [`Renderer::collect`], and what `each` fails with; no further frame is begun then.
+    /// Fails as [`Renderer::begin`] and [`Renderer::collect`] do, or if `each` fails. No further frame is
+    /// begun then.
     pub fn render_all(
         &mut self,
         scene: &Scene,
@@ -250,7 +251,7 @@ impl Renderer {
     /// Waits for a frame. Frames are collected in the order in which they were begun.
     ///
     /// # Errors
-    /// [`Error::Vulkan`] where the device is lost.
+    /// Fails with [`Error::Vulkan`] if the device is lost.
     pub fn collect(&mut self, begun: Begun) -> Result<Timings> {
         let timings = begun.ticket.wait()?;
         if begun.new_video_frame {
@@ -262,8 +263,8 @@ impl Renderer {
     /// Hands a frame over to the device: the scene at a time in seconds. What is read from the renderer afterwards is of this frame.
     ///
     /// # Errors
-    /// Fails if the video frame cannot be read, or has another size than the first; if the device is out of memory or lost; or with
-    /// [`Error::Interrupted`] if the pieces in which it is submitted were stopped.
+    /// Fails if the video frame cannot be read, or has another size than the first; if the device is out of
+    /// memory or lost; or with [`Error::Interrupted`] if the pieces in which it is submitted were stopped.
     pub fn begin(&mut self, scene: &Scene, time: f64, wishes: &Wishes) -> Result<Begun> {
         let state = self.advance(scene, time, wishes)?;
         if self.relight.first().is_some_and(|map| map.history_reset.is_some()) {

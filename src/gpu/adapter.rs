@@ -41,7 +41,7 @@ pub(super) struct FoundAdapter {
 /// Every physical device, usable or not.
 ///
 /// # Errors
-/// [`Error::NoDevice`] where there is no Vulkan loader or no driver.
+/// Fails with [`Error::NoDevice`] if there is no Vulkan loader or no driver.
 pub fn list() -> Result<Vec<Adapter>> {
     let entry = load()?;
     let info = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
@@ -166,7 +166,7 @@ fn text(raw: &[std::ffi::c_char]) -> String {
 /// Which adapter `wanted` (an index, or part of a name in any case) means; the fastest kind where it is `None`.
 ///
 /// # Errors
-/// [`Error::NoDevice`] that lists what there is.
+/// Fails with [`Error::NoDevice`] and lists what there is.
 pub fn choose(adapters: &[Adapter], wanted: Option<&str>) -> Result<usize> {
     if adapters.is_empty() {
         return Err(Error::NoDevice {

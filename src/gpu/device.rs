@@ -82,8 +82,8 @@ impl Gpu {
     /// Opens a device.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] where there is no loader, driver, or usable device, or validation was asked for and its
-    /// layer is missing.
+    /// Fails with [`Error::NoDevice`] if there is no loader, driver, or usable device, or validation was
+    /// asked for and its layer is missing.
     pub fn new(options: &GpuOptions) -> Result<Self> {
         Self::open(options, None)
     }
@@ -91,7 +91,7 @@ impl Gpu {
     /// Opens a device that can show its pictures in windows on `display`.
     ///
     /// # Errors
-    /// As [`Gpu::new`]; [`Error::NoDevice`] too where the device cannot draw or present.
+    /// Fails as [`Gpu::new`] does, and with [`Error::NoDevice`] if the device cannot draw or present.
     pub fn for_windows(options: &GpuOptions, display: RawDisplayHandle) -> Result<Self> {
         Self::open(options, Some(display))
     }
@@ -140,7 +140,7 @@ impl Gpu {
     /// (a leaked object is one).
     ///
     /// # Errors
-    /// [`Error::Internal`] where a buffer, image, pass, frame or clone still holds the device.
+    /// Fails with [`Error::Internal`] if a buffer, image, pass, frame or clone still holds the device.
     pub fn destroy(self) -> Result<Vec<String>> {
         let log = Arc::clone(&self.0.log);
         let Self(shared, making) = self;

@@ -229,7 +229,7 @@ impl Gpu {
     /// Starts recording.
     ///
     /// # Errors
-    /// [`Error::Vulkan`] where no command buffer can be had.
+    /// Fails with [`Error::Vulkan`] if no command buffer can be had.
     pub fn frame(&self) -> Result<Frame> {
         self.frame_with(FrameOptions::default())
     }
@@ -237,7 +237,7 @@ impl Gpu {
     /// Starts recording a frame that is submitted in a way of its own.
     ///
     /// # Errors
-    /// As [`Gpu::frame`].
+    /// Fails as [`Gpu::frame`] does.
     pub fn frame_with(&self, options: FrameOptions) -> Result<Frame> {
         let slot = HeldSlot::take(self)?;
         Ok(Frame { gpu: self.clone(), slot, commands: Vec::new(), scopes: Vec::new(), options })
@@ -257,8 +257,8 @@ impl Frame {
     /// a zero in it runs nothing.
     ///
     /// # Errors
-    /// [`Error::Internal`] where bindings or push constants do not fit the pass; [`Error::Input`] where the device
-    /// cannot run so many workgroups.
+    /// Fails with [`Error::Internal`] if bindings or push constants do not fit the pass, or with
+    /// [`Error::Input`] if the device cannot run so many workgroups.
     pub fn dispatch<T: GpuStruct>(
         &mut self,
         pass: &Pass,
@@ -313,7 +313,7 @@ impl Frame {
     /// Writes `data` to a buffer, from `offset` bytes on. The data is copied here, so it need not outlive the call.
     ///
     /// # Errors
-    /// [`Error::Internal`] where it does not fit.
+    /// Fails with [`Error::Internal`] if it does not fit.
     pub fn write_buffer<T: Pod>(&mut self, buffer: &Buffer, offset: u64, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len() as u64;
@@ -333,7 +333,8 @@ impl Frame {
     /// Writes one layer of one level: tightly packed rows in the image's format.
     ///
     /// # Errors
-    /// [`Error::Internal`] where the data has another size than the level, or there is no such layer or level.
+    /// Fails with [`Error::Internal`] if the data has another size than the level, or there is no such layer
+    /// or level.
     pub fn write_image<T: Pod>(&mut self, image: &Image, layer: u32, level: u32, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         transfer::region(image, layer, level).map(drop)?;
@@ -350,7 +351,7 @@ impl Frame {
     /// Copies all layers and levels of an image to another of the same shape and format.
     ///
     /// # Errors
-    /// [`Error::Internal`] where their shapes or formats differ.
+    /// Fails with [`Error::Internal`] if their shapes or formats differ.
     pub fn copy_image(&mut self, from: &Image, to: &Image) -> Result<()> {
         let shape = |i: &Image| (i.size(), i.layers(), i.levels(), i.format());
         if shape(from) != shape(to) {
@@ -363,7 +364,7 @@ impl Frame {
     /// Copies all of a buffer to the start of another.
     ///
     /// # Errors
-    /// [`Error::Internal`] where the other is smaller.
+    /// Fails with [`Error::Internal`] if the other is smaller.
     pub fn copy_buffer(&mut self, from: &Buffer, to: &Buffer) -> Result<()> {
         if from.bytes() > to.bytes() {
             return Err(Error::Internal(format!("{from:?} does not fit {to:?}")));
@@ -375,8 +376,9 @@ impl Frame {
     /// Hands what was recorded over to the device; the ticket gives the timings. Barriers that separate nothing are left out.
     ///
     /// # Errors
-    /// [`Error::Internal`] where a barrier is missing, with nothing submitted; [`Error::Interrupted`] where [`Pieces::stop`]
-    /// was called; [`Error::Vulkan`] where the device does not take it.
+    /// Fails with [`Error::Internal`] if a barrier is missing, with nothing submitted, or with
+    /// [`Error::Interrupted`] if [`Pieces::stop`] was called, or with [`Error::Vulkan`] if the device does
+    /// not take it.
     pub fn submit(self) -> Result<Ticket> {
         let commands = needed(self.commands, &self.options)?;
         match &self.options.pieces {
@@ -391,7 +393,7 @@ impl Frame {
     /// Submits what was recorded and waits until it has run.
     ///
     /// # Errors
-    /// As [`Frame::submit`] and [`Ticket::wait`].
+    /// Fails as [`Frame::submit`] and [`Ticket::wait`] do.
     pub fn run(self) -> Result<Timings> {
         self.submit()?.wait()
     }

@@ -269,7 +269,7 @@ impl Gpu {
     /// 0 to 16, so that what is empty can be bound.
     ///
     /// # Errors
-    /// [`Error::Input`] where it exceeds the device's limits or memory.
+    /// Fails with [`Error::Input`] if it exceeds the device's limits or memory.
     pub fn buffer(&self, name: &str, bytes: u64) -> Result<Buffer> {
         let shared = &self.0;
         let bytes = if bytes == 0 { 16 } else { bytes.next_multiple_of(4) };
@@ -307,7 +307,7 @@ impl Gpu {
     /// A buffer that holds `data`.
     ///
     /// # Errors
-    /// As [`Gpu::buffer`].
+    /// Fails as [`Gpu::buffer`] does.
     pub fn buffer_with<T: Pod>(&self, name: &str, data: &[T]) -> Result<Buffer> {
         let buffer = self.buffer(name, size_of_val(data) as u64)?;
         self.write_buffer(&buffer, 0, data)?;
@@ -317,7 +317,8 @@ impl Gpu {
     /// A zeroed image for storage, sampling and transfer.
     ///
     /// # Errors
-    /// [`Error::Input`] where it exceeds the device's limits or memory, or the device cannot store that format.
+    /// Fails with [`Error::Input`] if it exceeds the device's limits or memory, or the device cannot store
+    /// that format.
     pub fn image(&self, name: &str, size: [u32; 2], layers: u32, levels: u32, format: Format) -> Result<Image> {
         let shared = &self.0;
         let [width, height] = size;

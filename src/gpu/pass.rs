@@ -103,8 +103,8 @@ impl Gpu {
     /// Makes a pass, or finds it where it is alive.
     ///
     /// # Errors
-    /// [`Error::Internal`] that names shader and field where the declaration and the SPIR-V disagree, or a constant that the shader
-    /// does not have; [`Error::Input`] where the workgroup exceeds the device's limits.
+    /// Fails with [`Error::Internal`] if the declaration and the SPIR-V disagree, or if the shader lacks
+    /// a constant, and with [`Error::Input`] if the workgroup exceeds the device's limits.
     pub fn pass(&self, declaration: &PassDeclaration, constants: &[Constant]) -> Result<Pass> {
         let fault = |problem: String| Error::Internal(format!("shader {}: {problem}", declaration.name));
         let pass = self.new_or_alive(declaration, constants, fault)?;

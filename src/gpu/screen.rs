@@ -68,7 +68,7 @@ impl Screen {
     /// Takes a window over.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] where the device cannot show anything in it.
+    /// Fails with [`Error::NoDevice`] if the device cannot show anything in it.
     pub fn new(gpu: &Gpu, window: Arc<dyn WindowHandles>) -> Result<Self> {
         let surface = Surface::new(gpu, &window)?;
         let (format, modes) = (surface.format()?, surface.modes()?);
@@ -134,7 +134,8 @@ impl Screen {
     /// Draws pictures and panels and presents them. `size` is the window's, in pixels.
     ///
     /// # Errors
-    /// A lost device, no memory. A window that changed or cannot be drawn to now is no error.
+    /// Fails if the device is lost or there is no memory. A window that changed or cannot be drawn to now is
+    /// no error.
     pub fn show(&mut self, size: [u32; 2], mode: PresentMode, blits: &[Blit], mut paint: Paint) -> Result<Shown> {
         let mode = if self.modes.contains(&mode) { mode } else { PresentMode::Fifo };
         self.overlay.update(&mut paint.textures)?;
@@ -183,7 +184,7 @@ impl Screen {
     /// Gives the surface up; the next frame has another one.
     ///
     /// # Errors
-    /// A lost device.
+    /// Fails if the device is lost.
     pub fn lose(&mut self) -> Result<()> {
         self.wait()?;
         self.swapchain = None;

@@ -50,7 +50,8 @@ impl Ticket {
     /// Waits until the frame has run.
     ///
     /// # Errors
-    /// [`Error::Vulkan`] that names the last pass that ran where the device is lost or does not finish.
+    /// Fails with [`Error::Vulkan`] if the device is lost or does not finish, and names the last pass that
+    /// ran.
     pub fn wait(mut self) -> Result<Timings> {
         self.finish()
     }

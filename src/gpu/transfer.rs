@@ -66,7 +66,7 @@ impl Gpu {
     /// Writes `data` from `offset` bytes on. Waits until it is there.
     ///
     /// # Errors
-    /// As [`Frame::write_buffer`].
+    /// Fails as [`Frame::write_buffer`] does.
     pub fn write_buffer<T: Pod>(&self, buffer: &Buffer, offset: u64, data: &[T]) -> Result<()> {
         let mut frame = self.frame()?;
         frame.write_buffer(buffer, offset, data)?;
@@ -76,7 +76,7 @@ impl Gpu {
     /// Writes one layer of one level: tightly packed rows in the image's format. Waits until it is there.
     ///
     /// # Errors
-    /// As [`Frame::write_image`].
+    /// Fails as [`Frame::write_image`] does.
     pub fn write_image<T: Pod>(&self, image: &Image, layer: u32, level: u32, data: &[T]) -> Result<()> {
         let mut frame = self.frame()?;
         frame.write_image(image, layer, level, data)?;
@@ -86,7 +86,7 @@ impl Gpu {
     /// The whole buffer as `T`s; bytes that do not fill one are left out.
     ///
     /// # Errors
-    /// [`Error::Vulkan`] where the copy fails.
+    /// Fails with [`Error::Vulkan`] if the copy fails.
     pub fn read_buffer<T: Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
         let count = buffer.bytes() as usize / size_of::<T>().max(1);
         let bytes = self.download(&format!("reading {}", buffer.name()), buffer.bytes(), |commands, staging| {
@@ -103,7 +103,7 @@ impl Gpu {
     /// Level 0 of one layer as `f32`, row by row from the top, with 0 for components the format lacks.
     ///
     /// # Errors
-    /// [`Error::Internal`] where there is no such layer.
+    /// Fails with [`Error::Internal`] if there is no such layer.
     pub fn read_image(&self, image: &Image, layer: u32) -> Result<Vec<[f32; 4]>> {
         self.read_image_level(image, layer, 0)
     }
@@ -111,7 +111,7 @@ impl Gpu {
     /// As [`Gpu::read_image`], of any level.
     ///
     /// # Errors
-    /// [`Error::Internal`] where there is no such layer or level.
+    /// Fails with [`Error::Internal`] if there is no such layer or level.
     pub fn read_image_level(&self, image: &Image, layer: u32, level: u32) -> Result<Vec<[f32; 4]>> {
         let region = region(image, layer, level)?;
         let bytes = level_bytes(image, level);
@@ -156,7 +156,7 @@ pub(super) fn level_bytes(image: &Image, level: u32) -> u64 {
 /// Where one layer of one level is.
 ///
 /// # Errors
-/// [`Error::Internal`] where there is none.
+/// Fails with [`Error::Internal`] if there is none.
 pub(super) fn region(image: &Image, layer: u32, level: u32) -> Result<vk::BufferImageCopy> {
     if layer >= image.layers() || level >= image.levels() {
         return Err(Error::Internal(format!("{image:?} has no layer {layer} of level {level}")));

@@ -74,7 +74,7 @@ pub(super) struct LayerSupport {
 /// Looks for the layer.
 ///
 /// # Errors
-/// [`Error::NoDevice`] that names the package to install where it is missing.
+/// Fails with [`Error::NoDevice`] if it is missing, and names the package to install.
 pub(super) fn find_layer(entry: &ash::Entry) -> Result<LayerSupport> {
     // SAFETY: plain queries.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();

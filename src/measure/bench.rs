@@ -101,7 +101,7 @@ pub struct BenchReport {
 /// `progress` is called after each frame.
 ///
 /// # Errors
-/// As [`clock::frames`].
+/// Fails as [`clock::frames`] does.
 pub fn run(
     renderer: &mut Renderer,
     scene: &Scene,

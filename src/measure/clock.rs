@@ -58,7 +58,7 @@ impl FrameClock {
     /// Renders `count` frames of a still scene at `time`, in seconds. `each` is called after every frame.
     ///
     /// # Errors
-    /// As [`frames`].
+    /// Fails as [`frames`] does.
     pub fn still(
         &mut self,
         renderer: &mut Renderer,

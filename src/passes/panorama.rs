@@ -173,7 +173,7 @@ impl Panorama {
     /// Depth as captured, before normals moves it off its steps.
     ///
     /// # Errors
-    /// [`Error::Internal`] where it is not kept.
+    /// Fails with [`Error::Internal`] if it is not kept.
     pub fn raw_depth(&self) -> Result<&Image> {
         self.raw_depth.as_ref().ok_or_else(|| Error::Internal("the panorama's depth is not kept".into()))
     }

@@ -36,7 +36,7 @@ impl Unknown {
     /// Finds them for a view whose data is that of its last frame; `video_frame` is that of the panorama.
     ///
     /// # Errors
-    /// No memory, a lost device.
+    /// Fails if there is no memory, or if the device is lost.
     pub fn find(&mut self, gpu: &Gpu, view: &Resources, size: [u32; 2], video_frame: usize) -> Result<Image> {
         let image = match self.image.take().filter(|image| image.size() == size) {
             Some(image) => image,

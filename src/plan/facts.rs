@@ -69,7 +69,7 @@ impl Facts {
     /// Examines a scene; loads the panorama's first frame.
     ///
     /// # Errors
-    /// A panorama that cannot be read.
+    /// Fails if the panorama cannot be read.
     pub fn of(scene: &Scene, options: &RenderOptions, frames: Option<u32>) -> Result<Self> {
         let first = scene.panorama.load(0)?;
         let still = scene.panorama.frame_count() == 1;

@@ -81,7 +81,7 @@ impl Plan {
     /// Examines a scene. `frames`: how many will be rendered from one history, where that is known. Loads the panorama's first frame.
     ///
     /// # Errors
-    /// A panorama that cannot be read.
+    /// Fails if the panorama cannot be read.
     pub fn of(scene: &Scene, options: &RenderOptions, frames: Option<u32>) -> Result<Self> {
         Ok(Self::decide(Facts::of(scene, options, frames)?, options.size, options.method, &options.settings))
     }

@@ -47,7 +47,7 @@ impl Renderer {
     /// Whether [`Renderer::aov`] gives an image of this name.
     ///
     /// # Errors
-    /// A name that nothing has, or that of an image which the plan leaves out, and why.
+    /// Fails if nothing has that name, or if the plan leaves the image out, and says why.
     pub fn require_aov(&self, name: &str) -> Result<()> {
         self.source(name).map(|_| ())
     }

@@ -79,7 +79,7 @@ impl Plan {
     /// What each part costs: against the same plan with it forced off, or, where it is off, what it would cost forced on.
     ///
     /// # Errors
-    /// None but a fault in the table of parts.
+    /// Fails only if the table of parts has a fault.
     pub fn costs(&self) -> Result<Vec<Difference>> {
         let own = self.cost();
         let difference = |decision| {
@@ -96,7 +96,7 @@ impl Plan {
     /// For people: each part on or off, what it costs, and why.
     ///
     /// # Errors
-    /// As [`Plan::costs`].
+    /// Fails as [`Plan::costs`] does.
     pub fn table(&self) -> Result<String> {
         let mut out = format!("{:<18}{:<5}{:>12}{:>12}  {}\n", "part", "", "memory", "dispatches", "why");
         for (decision, cost) in self.parts.iter().zip(self.costs()?) {
@@ -111,7 +111,7 @@ impl Plan {
     /// The same for programs.
     ///
     /// # Errors
-    /// As [`Plan::costs`].
+    /// Fails as [`Plan::costs`] does.
     pub fn json(&self) -> Result<serde_json::Value> {
         let part = |(decision, cost): (&Decision, Difference)| {
             serde_json::json!({

@@ -31,7 +31,7 @@ impl Renderer {
     /// dropped.
     ///
     /// # Errors
-    /// No memory.
+    /// Fails if there is no memory.
     pub fn set_size(&mut self, size: [u32; 2]) -> Result<()> {
         if size == self.options.size {
             return Ok(());
@@ -54,7 +54,7 @@ impl Renderer {
     /// Where the last frame shows what the capture never saw: 1 there, 0 elsewhere.
     ///
     /// # Errors
-    /// No memory, a lost device; nothing was rendered yet.
+    /// Fails if there is no memory, if the device is lost, or if nothing was rendered yet.
     pub fn unknown(&mut self) -> Result<Image> {
         let Some(frame) = self.video_frame else { return Err(Error::Internal("nothing was rendered yet".into())) };
         if !self.plan.boxes() {
@@ -84,7 +84,7 @@ impl Renderer {
     /// Where an image of the last frame is; the names are those of [`Renderer::aov_names`].
     ///
     /// # Errors
-    /// There is no such image.
+    /// Fails if there is no such image.
     pub fn shown(&self, name: &str) -> Result<Source<'_>> {
         let (image, layer) = self.source(name)?;
         let plus = (name == "irradiance_mixed").then(|| filtered(&self.picture, &self.plan.settings)).transpose()?;
