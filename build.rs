@@ -1,69 +1,216 @@
-//! Compiles every `shaders/glsl/*.comp` to SPIR-V for Vulkan 1.3 and writes `shaders.rs`: one `&[u32]` constant a
-//! pass, named as the file's stem in capitals. The tests' own shaders, `tests/glsl/*.comp`, go to `test_shaders.rs`.
+//! Compiles `shaders/glsl/*.comp`, and the tests' own `tests/glsl/*.comp`, to SPIR-V for Vulkan 1.3: each alone, and only
+//! where its text or that of a file it includes has changed. From them it writes `shaders.rs` and `test_shaders.rs`: one
+//! `&[u32]` constant for each shader, named as the file's stem in capitals.
+//!
+//! A debug build of the program runs this executable again, as `build-script-build ROOT OUT_DIR`, to learn what the
+//! shaders on disk are now; see `src/shaders/reload.rs`. So there is one compiler and one cache.
 
 use std::{
+    collections::HashSet,
     env, fs,
     hash::{DefaultHasher, Hash, Hasher},
-    path::PathBuf,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 
-fn main() {
-    compile("shaders/glsl", "shaders.rs");
-    compile("tests/glsl", "test_shaders.rs");
+type Result<T> = std::result::Result<T, String>;
+
+/// Where the shaders are, from the root of the source. The tests' shaders include the project's.
+const FOLDERS: [&str; 2] = ["shaders/glsl", "tests/glsl"];
+
+/// One shader as it is now.
+struct Shader {
+    /// Its path from the root, without `.comp`; with [`FAULTS`] at the end where its planted faults are in it.
+    name: String,
+    /// Where its SPIR-V is kept.
+    file: PathBuf,
+    spirv: Vec<u32>,
 }
 
-fn compile(sources: &str, table_name: &str) {
-    let folder = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join(sources);
-    let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets it"));
-    println!("cargo:rerun-if-changed={}", folder.display());
-    let compiler = shaderc::Compiler::new().expect("shaderc could not be initialised");
-    let mut options = shaderc::CompileOptions::new().expect("shaderc could not be initialised");
+/// Marks a shader that can be broken on purpose: only the feature `faults` has them.
+const FAULTS: &str = "+faults";
+
+fn main() -> ExitCode {
+    let arguments: Vec<_> = env::args_os().skip(1).map(PathBuf::from).collect();
+    let done = match &arguments[..] {
+        [root, out] => list(root, out),
+        _ => build(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// As Cargo's build script.
+fn build() -> Result<()> {
+    let variable = |name| env::var(name).map_err(|_| format!("cargo sets {name}"));
+    let (root, out) = (PathBuf::from(variable("CARGO_MANIFEST_DIR")?), PathBuf::from(variable("OUT_DIR")?));
+    let shaders = compile_all(&root, &out)?;
+    for folder in FOLDERS {
+        let here: Vec<_> = shaders.iter().filter(|shader| shader.name.starts_with(folder)).collect();
+        let table = if folder == FOLDERS[0] { "shaders.rs" } else { "test_shaders.rs" };
+        let mut text: String = here.iter().map(|shader| constant(shader)).collect();
+        if folder == FOLDERS[0] {
+            text += &format!("const DIGEST: u64 = {};\n", digest(&shaders));
+            let sources = shaders.iter().map(|shader| match shader.name.starts_with(folder) {
+                true => format!("({:?}, {}),", shader.name, capitals(&shader.name)),
+                false => format!("({:?}, &{:?}),", shader.name, shader.spirv),
+            });
+            let sources: String = sources.collect();
+            text += &format!("#[cfg(debug_assertions)]\nstatic SOURCES: &[(&str, &[u32])] = &[{sources}];\n");
+            let pairs: String = here
+                .iter()
+                .filter_map(|shader| {
+                    Some(format!("({}, {}),", capitals(shader.name.strip_suffix(FAULTS)?), capitals(&shader.name)))
+                })
+                .collect();
+            text += &format!("#[cfg(feature = \"faults\")]\nstatic FAULTY: &[(&[u32], &[u32])] = &[{pairs}];\n");
+        }
+        write(&out.join(table), text.as_bytes())?;
+    }
+    for entry in read_folder(&out.join("spirv"))? {
+        if shaders.iter().all(|shader| shader.file != entry) {
+            fs::remove_file(&entry).map_err(|error| format!("{}: {error}", entry.display()))?;
+        }
+    }
+    let this = env::current_exe().map_err(|error| error.to_string())?;
+    println!("cargo:rustc-env=IPRT_SHADER_COMPILER={}", this.display());
+    println!("cargo:rerun-if-changed=build.rs");
+    if variable("PROFILE")? == "debug" {
+        // A changed shader is for the program to find. Where Rust changes, the crate is compiled anyway.
+        println!("cargo:rerun-if-changed=src");
+    } else {
+        FOLDERS.iter().for_each(|folder| println!("cargo:rerun-if-changed={folder}"));
+    }
+    Ok(())
+}
+
+/// As the program's compiler: prints for each shader its name and the file of its SPIR-V, at last the digest.
+fn list(root: &Path, out: &Path) -> Result<()> {
+    let shaders = compile_all(root, out)?;
+    shaders.iter().for_each(|shader| println!("{}\t{}", shader.name, shader.file.display()));
+    println!("digest\t{}", digest(&shaders));
+    Ok(())
+}
+
+/// Changes with any shader that is shipped. It is stable for one compiler: by another one, truths are merely computed again.
+fn digest(shaders: &[Shader]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    for shader in shaders.iter().filter(|shader| shader.name.starts_with(FOLDERS[0]) && !shader.name.ends_with(FAULTS))
+    {
+        (&shader.name, &shader.spirv).hash(&mut hasher);
+    }
+    hasher.finish()
+}
+
+fn constant(shader: &Shader) -> String {
+    let words: Vec<String> = shader.spirv.iter().map(u32::to_string).collect();
+    let [name, words] = [capitals(&shader.name), words.join(",")];
+    format!("/// SPIR-V of `{}`.\npub const {name}: &[u32] = &[{words}];\n", shader.name)
+}
+
+fn capitals(name: &str) -> String {
+    name.rsplit('/').next().unwrap_or_default().replace('+', "_").to_uppercase()
+}
+
+/// Every shader below a root, in order of their names, those that have changed compiled on all cores.
+fn compile_all(root: &Path, out: &Path) -> Result<Vec<Shader>> {
+    let faults = cfg!(feature = "faults");
+    let mut wanted = Vec::new();
+    for folder in FOLDERS {
+        for path in read_folder(&root.join(folder))?.into_iter().filter(|p| p.extension().is_some_and(|e| e == "comp"))
+        {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            wanted.push((format!("{folder}/{stem}"), path.clone()));
+            if faults && folder == FOLDERS[0] {
+                wanted.push((format!("{folder}/{stem}{FAULTS}"), path));
+            }
+        }
+    }
+    fs::create_dir_all(out.join("spirv")).map_err(|error| format!("{}: {error}", out.display()))?;
+    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some((name, path)) = wanted.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let shader = up_to_date(name, path, &root.join(FOLDERS[0]), out);
+                    done.lock().unwrap_or_else(PoisonError::into_inner).push(shader);
+                }
+            });
+        }
+    });
+    let shaders: Result<Vec<_>> = done.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect();
+    let mut shaders = shaders?;
+    shaders.sort_by(|a, b| a.name.cmp(&b.name));
+    // most shaders have no fault
+    let whole: HashSet<Vec<u32>> =
+        shaders.iter().filter(|s| !s.name.ends_with(FAULTS)).map(|s| s.spirv.clone()).collect();
+    shaders.retain(|shader| !(shader.name.ends_with(FAULTS) && whole.contains(&shader.spirv)));
+    Ok(shaders)
+}
+
+/// A shader from the cache, or compiled.
+fn up_to_date(name: &str, path: &Path, includes: &Path, out: &Path) -> Result<Shader> {
+    let mut hasher = DefaultHasher::new();
+    hash_text(path, includes, &mut HashSet::new(), &mut hasher)?;
+    // another compiler, other options
+    let this = env::current_exe().and_then(fs::metadata).map_err(|error| error.to_string())?;
+    (name, this.len(), this.modified().ok()).hash(&mut hasher);
+    let file = out.join("spirv").join(format!("{}-{:016x}.spv", name.replace('/', "_"), hasher.finish()));
+    let spirv = match fs::read(&file) {
+        Ok(bytes) => bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect(),
+        Err(_) => {
+            let spirv = compile(path, includes, name.ends_with(FAULTS))?;
+            let bytes: Vec<u8> = spirv.iter().flat_map(|word| word.to_le_bytes()).collect();
+            write(&file, &bytes)?;
+            spirv
+        }
+    };
+    Ok(Shader { name: name.to_owned(), file, spirv })
+}
+
+/// The text of a shader and of all that it includes.
+fn hash_text(path: &Path, includes: &Path, seen: &mut HashSet<PathBuf>, hasher: &mut DefaultHasher) -> Result<()> {
+    if !seen.insert(path.to_owned()) {
+        return Ok(());
+    }
+    let text = read(path)?;
+    text.hash(hasher);
+    for line in text.lines() {
+        if let Some(name) = line.trim().strip_prefix("#include").and_then(|rest| rest.trim().strip_prefix('"'))
+            && let Some((name, _)) = name.split_once('"')
+        {
+            hash_text(&includes.join(name), includes, seen, hasher)?;
+        }
+    }
+    Ok(())
+}
+
+fn compile(path: &Path, includes: &Path, faults: bool) -> Result<Vec<u32>> {
+    let compiler = shaderc::Compiler::new().map_err(|error| error.to_string())?;
+    let mut options = shaderc::CompileOptions::new().map_err(|error| error.to_string())?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     options.set_optimization_level(shaderc::OptimizationLevel::Performance);
     options.set_generate_debug_info(); // keeps binding and member names, by which bindings are matched
     options.set_warnings_as_errors();
-    // the tests' shaders include the project's
-    let includes = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("shaders/glsl");
-    options.set_include_callback(move |name, _, _, _| {
-        let path = includes.join(name);
-        let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
-    });
-
-    let mut stems: Vec<_> = fs::read_dir(&folder)
-        .expect("the shader folders are part of the source")
-        .map(|entry| entry.expect("a readable folder").path())
-        .filter(|path| path.extension().is_some_and(|e| e == "comp"))
-        .collect();
-    stems.sort();
-    let mut table = String::new();
-    for path in &stems {
-        let stem = path.file_stem().expect("a file name").to_string_lossy().into_owned();
-        let source = fs::read_to_string(path).expect("a readable shader");
-        let spirv = compiler
-            .compile_into_spirv(
-                &source,
-                shaderc::ShaderKind::Compute,
-                &path.display().to_string(),
-                "main",
-                Some(&options),
-            )
-            .unwrap_or_else(|error| panic!("{error}"));
-        let words: Vec<String> = without_source(spirv.as_binary()).iter().map(|word| format!("{word:#x}")).collect();
-        table += &format!(
-            "/// SPIR-V of `{sources}/{stem}.comp`.\npub const {}: &[u32] = &[{}];\n",
-            stem.to_uppercase(),
-            words.join(",")
-        );
+    if faults {
+        options.add_macro_definition("FAULTS", None);
     }
-    // stable for one compiler: another one's truths are merely computed again
-    let mut hasher = DefaultHasher::new();
-    table.hash(&mut hasher);
-    table += &format!(
-        "/// Changes with any of them.\n#[allow(dead_code)]\npub const DIGEST: u64 = {:#x};\n",
-        hasher.finish()
-    );
-    fs::write(out.join(table_name), table).expect("OUT_DIR is writable");
+    options.set_include_callback(|name, _, _, _| {
+        let path = includes.join(name);
+        Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content: read(&path)? })
+    });
+    let (text, shown) = (read(path)?, path.display().to_string());
+    let spirv = compiler.compile_into_spirv(&text, shaderc::ShaderKind::Compute, &shown, "main", Some(&options));
+    spirv.map(|spirv| without_source(spirv.as_binary())).map_err(|error| error.to_string())
 }
 
 /// Leaves out the source text and line numbers that come with debug information; names of bindings and members stay.
@@ -81,4 +228,27 @@ fn without_source(spirv: &[u32]) -> Vec<u32> {
         at += length;
     }
     kept
+}
+
+fn read(path: &Path) -> Result<String> {
+    fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// The files in a folder, by name.
+fn read_folder(folder: &Path) -> Result<Vec<PathBuf>> {
+    let files = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    let mut files: Vec<_> = files.map_err(|error| format!("{}: {error}", folder.display()))?;
+    files.sort();
+    Ok(files)
+}
+
+/// Writes a file that others read meanwhile, unless it is as it should be.
+fn write(path: &Path, content: &[u8]) -> Result<()> {
+    if fs::read(path).is_ok_and(|old| old == content) {
+        return Ok(());
+    }
+    let new = path.with_extension(format!("{}.new", std::process::id()));
+    fs::write(&new, content)
+        .and_then(|()| fs::rename(&new, path))
+        .map_err(|error| format!("{}: {error}", path.display()))
 }

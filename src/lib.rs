@@ -10,6 +10,7 @@
 //! The list goes from the ground up. A module uses those above it.
 //!
 //! * [`error`]: [`Error`] says what failed, on which file or object, and the remedy.
+//! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
 //! * [`gpu`] knows Vulkan and nothing else. A [`gpu::Gpu`] hands out buffers, images and passes. A [`gpu::Frame`]
 //!   records dispatches and barriers, refuses to run if a barrier is missing, and times each dispatch.
 //! * [`image_file`] reads PNG, JPEG, HDR and EXR, and writes PNG and EXR, never by halves.
@@ -19,7 +20,6 @@
 //!   [`scene::Scene`] gives its state at any time.
 //! * [`settings`]: every approximation is a named value. A [`settings::Method`] is a preset of them.
 //! * [`options`]: what to render, and how.
-//! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
 //! * [`passes`]: one file a pass, and a table of them. Each runs on a [`passes::view::View`], the images and history
 //!   of one picture, and finds what it binds by GLSL name ([`passes::resources`]).
 //! * [`plan`] decides from a table which parts of the model a scene needs. The others are not dispatched, compiled
@@ -31,7 +31,7 @@
 //!   and the [`measure::choice`] of settings for a target from such points.
 //! * [`stability`]: cases in which such methods fail, each with its truth.
 //! * [`output`] writes a renderer's picture as a file.
-//! * [`viewer`]: the window.
+//! * `viewer`: the window. The feature of this name, which is on by default, has it.
 //! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
 //!
 //! # The frame
@@ -103,10 +103,8 @@ pub mod reference;
 pub mod renderer;
 pub mod scene;
 pub mod settings;
+pub mod shaders;
 pub mod stability;
+#[cfg(feature = "viewer")]
 pub mod viewer;
 pub use error::{Error, Result};
-/// SPIR-V of every pass, compiled by `build.rs`.
-pub mod shaders {
-    include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
-}

@@ -6,6 +6,8 @@ mod interactive;
 
 pub use interactive::Source;
 
+#[cfg(feature = "faults")]
+use crate::passes::fault::Fault;
 use crate::{
     Error, Result,
     gpu::{Format, Frame, FrameOptions, Gpu, Image, Ticket, Timings},
@@ -15,7 +17,7 @@ use crate::{
         atrous::Atrous,
         composite::Composite,
         depth_pyramid::DepthPyramid,
-        fault::Fault,
+        fault::planted,
         gbuffer::{Gbuffer, Look},
         interpolate::Interpolate,
         irradiance::{Irradiance, Relight},
@@ -66,6 +68,7 @@ pub struct Renderer {
     /// Where each instance was in the previous frame, by id: objects move by hand too.
     previous_objects: HashMap<u32, [[f32; 4]; 3]>,
     frame: u32,
+    #[cfg(feature = "faults")]
     fault: Fault,
     spare: Vec<View>,
     unknown: Option<Unknown>,
@@ -154,11 +157,12 @@ impl Lighting {
 impl Renderer {
     /// Plans, builds pipelines and allocates for a scene of which any number of frames may be asked; nothing is rendered yet.
     pub fn new(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> Result<Self> {
-        Self::with_fault(gpu, scene, options, Fault::None)
+        let plan = Plan::of(scene, &options, None)?;
+        Self::with_plan(gpu, scene, options, plan)
     }
 
     /// The same, with something done wrong on purpose.
-    #[doc(hidden)]
+    #[cfg(feature = "faults")]
     pub fn with_fault(gpu: &Gpu, scene: &Scene, options: RenderOptions, fault: Fault) -> Result<Self> {
         let plan = Plan::of(scene, &options, None)?;
         let mut renderer = Self::with_plan(&fault.inject(gpu), scene, options, plan)?;
@@ -207,6 +211,7 @@ impl Renderer {
             frame: 0,
             plan,
             options,
+            #[cfg(feature = "faults")]
             fault: Fault::None,
             spare: Vec::new(),
             unknown: None,
@@ -361,7 +366,7 @@ impl Renderer {
     ) -> Result<[&'a Image; 2]> {
         let settings = &self.plan.settings;
         let history = settings.temporal && view.history_reset.is_none();
-        let clamp = if self.fault == Fault::HistoryKept {
+        let clamp = if planted!(self, HistoryKept) {
             0.0
         } else if state.moving || settings.clamp_when == ClampWhen::Always {
             settings.clamp
@@ -474,7 +479,7 @@ impl Renderer {
 
     fn video_frame(&self, scene: &Scene, number: usize) -> Result<PanoramaFrame> {
         let mut content = scene.panorama.load(number)?;
-        if self.fault == Fault::DepthStale {
+        if planted!(self, DepthStale) {
             content.depth = scene.panorama.load(0)?.depth;
         }
         if content.color_size != self.panorama.color_size || content.depth_size != self.panorama.depth_size {
@@ -521,10 +526,10 @@ impl Renderer {
             bounces: settings.bounces,
             coverage_samples: settings.coverage_samples,
             rays_per_16: ((settings.rays_per_pixel * 16.0).round() as u32).clamp(1, 16),
-            history_limit: match self.fault {
-                Fault::HistoryKept => FOREVER,
-                _ if state.moving => settings.history_moving,
-                _ => settings.history,
+            history_limit: match state.moving {
+                _ if planted!(self, HistoryKept) => FOREVER,
+                true => settings.history_moving,
+                false => settings.history,
             },
             relit: u32::from(relit),
             relight_size: self.relight.first().map_or([1, 1], |map| map.size),
@@ -537,10 +542,7 @@ impl Renderer {
 
     fn seed(&self) -> u32 {
         static FRAMES: AtomicU32 = AtomicU32::new(0);
-        match self.fault {
-            Fault::UnsteadySeed => FRAMES.fetch_add(1, Ordering::Relaxed),
-            _ => self.options.seed,
-        }
+        if planted!(self, UnsteadySeed) { FRAMES.fetch_add(1, Ordering::Relaxed) } else { self.options.seed }
     }
 
     /// The device it runs on.

@@ -16,6 +16,10 @@ pub mod render;
 pub mod scene;
 pub mod stability;
 pub mod target;
+#[cfg(feature = "viewer")]
+pub mod view;
+#[cfg(not(feature = "viewer"))]
+#[path = "no_view.rs"]
 pub mod view;
 
 use std::io::{self, Write};

@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> Result<()> {
     for case in chosen {
         let mut results = Vec::new();
         for &method in &methods {
-            match suite.run(&case, method, None) {
+            match suite.run(&case, method) {
                 Ok(outcome) => results.push((method, outcome)),
                 // The other cases still run.
                 Err(error) => {

@@ -1,9 +1,8 @@
 //! The physical devices of this machine: which can run this program, which not and why, and the choice among them.
 
-use std::ffi::CStr;
+use std::ffi::{CStr, c_char};
 
 use ash::vk;
-use raw_window_handle::RawDisplayHandle;
 use serde::Serialize;
 
 use super::validation;
@@ -207,22 +206,19 @@ pub fn choose(adapters: &[Adapter], wanted: Option<&str>) -> Result<usize> {
     }
 }
 
-/// Creates the instance, with the validation layer where asked for, and with what a window on `display` takes.
+/// Creates the instance, with the validation layer where asked for, and with the extensions that windows take.
 pub(super) fn instance(
     entry: &ash::Entry,
     validation: bool,
     log: &validation::Log,
-    display: Option<RawDisplayHandle>,
+    windows: Option<&[*const c_char]>,
 ) -> Result<(ash::Instance, bool /* debug utils */)> {
     // SAFETY: plain queries; what the create info points at outlives the call.
     unsafe {
         let layer = if validation { Some(validation::find_layer(entry)?) } else { None };
         let offered = entry.enumerate_instance_extension_properties(None).map_err(no_instance)?;
         let labels = offered.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
-        let mut extensions = match display {
-            Some(display) => ash_window::enumerate_required_extensions(display).map_err(no_instance)?.to_vec(),
-            None => Vec::new(),
-        };
+        let mut extensions = windows.unwrap_or_default().to_vec();
         if labels || validation {
             extensions.push(ash::ext::debug_utils::NAME.as_ptr());
         }

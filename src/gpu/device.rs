@@ -2,7 +2,7 @@
 
 use std::{
     collections::HashMap,
-    ffi::CString,
+    ffi::{CString, c_char},
     path::{Path, PathBuf},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError, Weak,
@@ -12,7 +12,6 @@ use std::{
 
 use ash::vk::{self, Handle};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, vulkan as memory};
-use raw_window_handle::RawDisplayHandle;
 
 use super::{
     adapter,
@@ -88,20 +87,13 @@ impl Gpu {
         Self::open(options, None)
     }
 
-    /// Opens a device that can show its pictures in windows on `display`.
-    ///
-    /// # Errors
-    /// Fails as [`Gpu::new`] does, and with [`Error::NoDevice`] if the device cannot draw or present.
-    pub fn for_windows(options: &GpuOptions, display: RawDisplayHandle) -> Result<Self> {
-        Self::open(options, Some(display))
-    }
-
-    fn open(options: &GpuOptions, display: Option<RawDisplayHandle>) -> Result<Self> {
+    /// Opens a device; one for windows takes instance extensions.
+    pub(super) fn open(options: &GpuOptions, windows: Option<&[*const c_char]>) -> Result<Self> {
         let entry = adapter::load()?;
         let log = Arc::new(Log::default());
-        let (instance, labels) = adapter::instance(&entry, options.validation, &log, display)?;
+        let (instance, labels) = adapter::instance(&entry, options.validation, &log, windows)?;
         // From here on the instance is destroyed on every path.
-        match open(&entry, &instance, labels, options, &log, display.is_some()) {
+        match open(&entry, &instance, labels, options, &log, windows.is_some()) {
             Ok(parts) => Ok(Self(Arc::new(parts.share(entry, instance, log)), Making::default())),
             Err(error) => {
                 // SAFETY: `open` leaves nothing behind that was made from the instance.

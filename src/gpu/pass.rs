@@ -14,7 +14,7 @@ use super::{
     layout::{PushLayout, StructLayout},
     reflect::{self, Binding, Shader},
 };
-use crate::{Error, Result};
+use crate::{Error, Result, shaders};
 
 /// A specialization constant by its GLSL name, and its value: floats and bools as their bits.
 pub type Constant = (&'static str, u32);
@@ -81,8 +81,9 @@ impl fmt::Debug for Pass {
 /// How a handle of the device makes passes.
 #[derive(Clone, Default)]
 pub(super) struct Making {
-    /// A constant beside those asked for, in the passes of these names.
-    constant: Option<(Constant, &'static [&'static str])>,
+    /// What the passes of these names do wrong on purpose.
+    #[cfg(feature = "faults")]
+    fault: Option<(u32, &'static [&'static str])>,
     /// Where passes are kept alive.
     kept: Option<Arc<Mutex<Vec<Pass>>>>,
 }
@@ -94,10 +95,10 @@ impl Gpu {
         Self(self.0.clone(), Making { kept: Some(Arc::default()), ..self.1.clone() })
     }
 
-    /// A handle whose passes of these names take one more specialization constant, where their shaders have it.
-    #[doc(hidden)]
-    pub fn with_constant(&self, constant: Constant, passes: &'static [&'static str]) -> Self {
-        Self(self.0.clone(), Making { constant: Some((constant, passes)), ..self.1.clone() })
+    /// A handle whose passes of these names have a planted fault, by its number in the shaders.
+    #[cfg(feature = "faults")]
+    pub fn with_fault(&self, fault: u32, passes: &'static [&'static str]) -> Self {
+        Self(self.0.clone(), Making { fault: Some((fault, passes)), ..self.1.clone() })
     }
 
     /// Makes a pass, or finds it where it is alive.
@@ -107,6 +108,9 @@ impl Gpu {
     /// a constant, and with [`Error::Input`] if the workgroup exceeds the device's limits.
     pub fn pass(&self, declaration: &PassDeclaration, constants: &[Constant]) -> Result<Pass> {
         let fault = |problem: String| Error::Internal(format!("shader {}: {problem}", declaration.name));
+        #[cfg(feature = "faults")]
+        let (declaration, constants) = &self.planted(declaration, constants);
+        let declaration = &PassDeclaration { spirv: shaders::current(declaration.spirv)?, ..*declaration };
         let pass = self.new_or_alive(declaration, constants, fault)?;
         if let Some(kept) = &self.1.kept {
             let mut kept = lock(kept);
@@ -115,6 +119,20 @@ impl Gpu {
             }
         }
         Ok(pass)
+    }
+
+    /// A declaration with the fault that this handle plants, or as it is.
+    #[cfg(feature = "faults")]
+    fn planted(&self, declaration: &PassDeclaration, constants: &[Constant]) -> (PassDeclaration, Vec<Constant>) {
+        let (mut declaration, mut constants) = (*declaration, constants.to_vec());
+        if let Some((fault, passes)) = self.1.fault
+            && passes.contains(&declaration.name)
+            && let Some(spirv) = shaders::faulty(declaration.spirv)
+        {
+            declaration.spirv = spirv;
+            constants.push(("FAULT", fault));
+        }
+        (declaration, constants)
     }
 
     fn new_or_alive(
@@ -128,13 +146,7 @@ impl Gpu {
         let shader = Shader::new(&instructions);
         let slots = shader.bindings().map_err(&fault)?;
         shader.check(declaration).map_err(&fault)?;
-        let mut specialization = shader.specialization(constants).map_err(&fault)?;
-        if let Some(((constant, value), passes)) = self.1.constant
-            && passes.contains(&name)
-            && let Some(id) = shader.constant(constant)
-        {
-            specialization.push((id, value));
-        }
+        let specialization = shader.specialization(constants).map_err(&fault)?;
         let size = shader.local_size(&specialization).ok_or_else(|| fault("its local size is unknown".into()))?;
         let limits = &self.0.limits;
         let threads = size.iter().map(|&n| u64::from(n)).product::<u64>();

@@ -4,9 +4,11 @@
 use std::sync::Arc;
 
 use ash::vk;
+use raw_window_handle::RawDisplayHandle;
 
 use super::{
-    device::{Gpu, during},
+    adapter::no_instance,
+    device::{Gpu, GpuOptions, during},
     encode::{barrier, image_change},
     memory::{Format, Image},
     overlay::{Overlay, Paint},
@@ -15,6 +17,17 @@ use super::{
 use crate::{Error, Result};
 
 const IN_FLIGHT: usize = 2;
+
+impl Gpu {
+    /// Opens a device that can show its pictures in windows on `display`.
+    ///
+    /// # Errors
+    /// Fails as [`Gpu::new`] does, and with [`Error::NoDevice`] if the device cannot draw or present.
+    pub fn for_windows(options: &GpuOptions, display: RawDisplayHandle) -> Result<Self> {
+        let extensions = ash_window::enumerate_required_extensions(display).map_err(no_instance)?;
+        Self::open(options, Some(extensions))
+    }
+}
 
 /// A part of a picture and where it goes in the window, scaled; both as left, top, right, bottom in pixels.
 #[derive(Clone)]

@@ -1,8 +1,26 @@
-//! Deliberate faults: what the stability suite must notice. No setting reaches them.
+//! Deliberate faults, which the tests of the stability suite plant. Only the cargo feature `faults` has them, with shaders
+//! of their own.
 
+/// Whether a renderer has a planted fault. A build without the feature `faults` never has one.
+#[cfg(feature = "faults")]
+macro_rules! planted {
+    ($renderer:expr, $fault:ident) => {
+        $renderer.fault == $crate::passes::fault::Fault::$fault
+    };
+}
+#[cfg(not(feature = "faults"))]
+macro_rules! planted {
+    ($renderer:expr, $fault:ident) => {
+        false
+    };
+}
+pub(crate) use planted;
+
+#[cfg(feature = "faults")]
 use crate::gpu::Gpu;
 
 /// One thing done wrong on purpose. The value is what the shaders' constant `FAULT` is set to; those from 100 on are the host's.
+#[cfg(feature = "faults")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Fault {
     /// As shipped.
@@ -44,6 +62,7 @@ pub enum Fault {
     DepthStale = 102,
 }
 
+#[cfg(feature = "faults")]
 impl Fault {
     /// A handle of the device whose passes have this fault.
     pub(crate) fn inject(self, gpu: &Gpu) -> Gpu {
@@ -58,6 +77,6 @@ impl Fault {
             Self::FilterBlind => &["interpolate", "atrous"],
             Self::LastTileLost => &["composite"],
         };
-        gpu.with_constant(("FAULT", self as u32), passes)
+        gpu.with_fault(self as u32, passes)
     }
 }

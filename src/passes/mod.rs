@@ -8,7 +8,6 @@ pub mod brdf;
 pub mod composite;
 pub mod depth_pyramid;
 pub mod display;
-#[doc(hidden)]
 pub mod fault;
 pub mod gbuffer;
 pub mod interpolate;

@@ -105,7 +105,7 @@ pub fn truth_of_scene(
     let [batch, count] = batches(spp, SCENE_BATCH);
     let mut view = ViewData { size: options.size, seed: options.seed, ..Default::default() };
     view.look(&viewpoint, &viewpoint);
-    let mut hasher = hash_scene(&scene.packed, &state.instances);
+    let mut hasher = hash_scene(&scene.packed, &state.instances)?;
     hasher.update(bytemuck::bytes_of(&view)).update(bytemuck::bytes_of(&state.camera.position));
     let name = name(hasher, "scene", batch);
     let mut kept: Option<PathTracer> = None;
@@ -189,13 +189,13 @@ pub fn truth_of_model(
 /// Fails if the panorama cannot be read.
 pub fn hash_rendered(scene: &Scene, time: f64) -> Result<blake3::Hasher> {
     let state = scene.at(time, time);
-    let mut hasher = hash_scene(&scene.packed, &state.instances);
+    let mut hasher = hash_scene(&scene.packed, &state.instances)?;
     let panorama = scene.panorama.load(scene.panorama.frame_at(time))?;
     hasher.update(bytemuck::cast_slice(&[panorama.color_size, panorama.depth_size]));
     hasher.update(bytemuck::cast_slice(&panorama.radiance)).update(bytemuck::cast_slice(&panorama.depth));
     let place = (scene.panorama.position, scene.panorama.yaw_degrees, panorama.quantisation);
     hasher.update(format!("{place:?} {:?}", state.camera).as_bytes());
-    hasher.update(&shaders::DIGEST.to_le_bytes()).update(&VERSION.to_le_bytes());
+    hasher.update(&shaders::digest()?.to_le_bytes()).update(&VERSION.to_le_bytes());
     Ok(hasher)
 }
 

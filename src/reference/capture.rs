@@ -93,7 +93,7 @@ fn state_cached(
     cache: Option<&Path>,
 ) -> Result<PanoramaFrame> {
     let Some(cache) = cache else { return trace_with_bar(gpu, room, state, position, settings) };
-    let folder = cache.join(format!("capture-{}", key(room, state, position, settings)));
+    let folder = cache.join(format!("capture-{}", key(room, state, position, settings)?));
     if let Some(frame) = load_cached(&folder) {
         return Ok(frame);
     }
@@ -139,7 +139,7 @@ pub fn room_frames(
     let mut frames: Vec<(String, PanoramaFrame)> = Vec::new();
     for index in 0..video.frames {
         let state = real.at(f64::from(index) / video.fps).instances;
-        let name = key(&real, &state, position, &settings);
+        let name = key(&real, &state, position, &settings)?;
         let frame = match frames.iter().find(|(known, _)| *known == name) {
             Some((_, frame)) => frame.clone(),
             None => state_cached(gpu, &real, &state, position, &settings, cache)?,
@@ -276,13 +276,13 @@ pub fn cache_folder() -> Option<PathBuf> {
 }
 
 /// Names everything that the result depends on.
-fn key(room: &CompleteScene, state: &PackedInstances, position: Vec3, settings: &CaptureSettings) -> String {
-    let mut hasher = hash_scene(&room.packed, state);
+fn key(room: &CompleteScene, state: &PackedInstances, position: Vec3, settings: &CaptureSettings) -> Result<String> {
+    let mut hasher = hash_scene(&room.packed, state)?;
     hasher.update(bytemuck::bytes_of(&position));
     hasher.update(bytemuck::cast_slice(&[settings.size[0], settings.size[1], settings.samples, settings.seed]));
     hasher.update(&[u8::from(settings.denoise)]);
     hasher.update(&denoise::VERSION.to_le_bytes());
-    hasher.finalize().to_hex()[..32].to_owned()
+    Ok(hasher.finalize().to_hex()[..32].to_owned())
 }
 
 fn check_sum(color: &[u8], depth: &[u8]) -> String {

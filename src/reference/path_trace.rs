@@ -186,7 +186,7 @@ impl PathTracer {
             view_buffer: gpu.buffer("path_trace view", size_of::<ViewData>() as u64)?,
             lights: gpu.buffer_with("lights", &table.lights)?,
             punctual: gpu.buffer_with("punctual lights", &punctual)?,
-            scene_hash: hash_scene(scene, state).update(bytemuck::bytes_of(&centre)).clone(),
+            scene_hash: hash_scene(scene, state)?.update(bytemuck::bytes_of(&centre)).clone(),
             push,
             images: [image("reflected")?, image("other")?, image("albedo")?, image("centre")?],
             batches: Default::default(),
@@ -335,7 +335,7 @@ impl PathTracer {
 }
 
 /// Starts a hash that names what is computed from a scene at one time: the scene and this code.
-pub(super) fn hash_scene(scene: &PackedScene, state: &PackedInstances) -> blake3::Hasher {
+pub(super) fn hash_scene(scene: &PackedScene, state: &PackedInstances) -> Result<blake3::Hasher> {
     let mut hasher = blake3::Hasher::new();
     let mut part = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -349,7 +349,7 @@ pub(super) fn hash_scene(scene: &PackedScene, state: &PackedInstances) -> blake3
     part(bytemuck::cast_slice(&scene.texels));
     part(bytemuck::cast_slice(&state.instances));
     part(bytemuck::cast_slice(&state.lights));
-    part(bytemuck::cast_slice(shaders::PATH_TRACE));
+    part(bytemuck::cast_slice(shaders::current(shaders::PATH_TRACE)?));
     part(env!("CARGO_PKG_VERSION").as_bytes());
-    hasher
+    Ok(hasher)
 }

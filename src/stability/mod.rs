@@ -2,8 +2,8 @@
 //! each case asks and what was measured.
 //!
 //! The truth of a [`Case`] is computed if that is possible ([`world`]). Otherwise the case asks for an
-//! invariant: a turned panorama, a repeat with the same seed, or an equilibrium. Each names faults
-//! ([`Broken`]) that it must notice.
+//! invariant: a turned panorama, a repeat with the same seed, or an equilibrium. The tests break the
+//! renderer on purpose, and each case must notice.
 
 pub mod cases;
 pub mod film;
@@ -11,11 +11,12 @@ pub mod metric;
 pub mod report;
 pub mod world;
 
+#[cfg(feature = "faults")]
+use crate::passes::fault::Fault;
 use crate::{
     Result,
     gpu::Gpu,
     options::RenderOptions,
-    passes::fault::Fault,
     renderer::Renderer,
     scene::{Scene, viewpoint::Projection},
     settings::{Method, Settings},
@@ -46,8 +47,6 @@ pub struct Case {
     pub limit: f64,
     /// The reason for this limit.
     pub reason: &'static str,
-    /// The broken renderers that it must notice.
-    pub catches: &'static [Broken],
     /// Methods that must fail according to theory.
     pub must_fail: &'static [Method],
     /// Runs the case.
@@ -55,9 +54,10 @@ pub struct Case {
 }
 
 /// A renderer that is broken on purpose.
+#[cfg(feature = "faults")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Broken {
-    Fault(Fault),
+    Planted(Fault),
     Setting(&'static str, &'static str),
 }
 
@@ -105,8 +105,23 @@ impl Suite {
     ///
     /// # Errors
     /// Fails if a picture cannot be rendered.
-    pub fn run(&self, case: &Case, method: Method, broken: Option<Broken>) -> Result<Outcome> {
-        (case.run)(&Run { suite: self, case: case.name, method, broken })
+    pub fn run(&self, case: &Case, method: Method) -> Result<Outcome> {
+        (case.run)(&Run {
+            suite: self,
+            case: case.name,
+            method,
+            #[cfg(feature = "faults")]
+            broken: None,
+        })
+    }
+
+    /// Runs a case with a renderer that is broken.
+    ///
+    /// # Errors
+    /// Fails if a picture cannot be rendered.
+    #[cfg(feature = "faults")]
+    pub fn run_broken(&self, case: &Case, method: Method, broken: Broken) -> Result<Outcome> {
+        (case.run)(&Run { suite: self, case: case.name, method, broken: Some(broken) })
     }
 }
 
@@ -117,7 +132,8 @@ pub struct Run<'a> {
     /// The method that is tried.
     pub method: Method,
     /// What is broken in the renderer.
-    pub broken: Option<Broken>,
+    #[cfg(feature = "faults")]
+    broken: Option<Broken>,
 }
 
 impl Run<'_> {
@@ -151,6 +167,7 @@ impl Run<'_> {
         for (name, value) in &self.suite.set {
             settings.set(name, value, self.case)?;
         }
+        #[cfg(feature = "faults")]
         if let Some(Broken::Setting(name, value)) = self.broken {
             settings.set(name, value, self.case)?;
         }
@@ -163,11 +180,11 @@ impl Run<'_> {
     /// # Errors
     /// Fails if the renderer cannot be made.
     pub fn renderer(&self, scene: &Scene, options: RenderOptions) -> Result<Renderer> {
-        let fault = match self.broken {
-            Some(Broken::Fault(fault)) => fault,
-            _ => Fault::None,
-        };
-        Renderer::with_fault(self.gpu(), scene, options, fault)
+        #[cfg(feature = "faults")]
+        if let Some(Broken::Planted(fault)) = self.broken {
+            return Renderer::with_fault(self.gpu(), scene, options, fault);
+        }
+        Renderer::new(self.gpu(), scene, options)
     }
 
     /// Renders every frame of a film.

@@ -281,6 +281,8 @@ impl App {
         for action in std::mem::take(&mut self.session.actions) {
             match action {
                 WindowRequest::Screenshot(path) => self.engine.order(Order::Screenshot { path, frames: 1 }),
+                #[cfg(debug_assertions)]
+                WindowRequest::Reload => self.engine.order(Order::Reload),
                 WindowRequest::FullScreen => {
                     if let Some(shell) = &self.window {
                         let full = shell.window.fullscreen().is_some();

@@ -38,6 +38,8 @@ pub const KEYS: &[(&str, &str)] = &[
     ("Ctrl+S", "save the scene"),
     ("F12, Shift+F12", "screenshot as PNG, as EXR"),
     ("F11", "full screen"),
+    #[cfg(debug_assertions)]
+    ("F5", "load the shaders on disk (debug builds alone)"),
     ("P", "panels"),
     ("F1", "this help"),
     ("drop a .glb or .gltf", "add it in front of the camera"),
@@ -125,6 +127,10 @@ fn switches(session: &mut Session, pressed: &dyn Fn(Key) -> bool) {
     }
     if pressed(Key::R) {
         session.restart += 1;
+    }
+    #[cfg(debug_assertions)]
+    if pressed(Key::F5) {
+        session.actions.push(WindowRequest::Reload);
     }
     if pressed(Key::F11) {
         session.actions.push(WindowRequest::FullScreen);

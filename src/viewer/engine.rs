@@ -202,6 +202,10 @@ impl<'a> Worker<'a> {
             self.changed = Instant::now();
         }
         self.last = Some(wanted.clone());
+        #[cfg(debug_assertions)]
+        if self.orders.iter().any(|order| matches!(order, Order::Reload)) {
+            self.reload(wanted);
+        }
         let quickly = wanted.moving || self.changed.elapsed() < SETTLED;
         self.shared.pieces.go_on();
         self.shared.patient.store(!quickly, Ordering::Relaxed);
@@ -317,14 +321,36 @@ impl<'a> Worker<'a> {
         Ok(())
     }
 
+    /// Takes up the shaders on disk. Where one cannot be compiled or has other bindings, all pipelines stay as they were.
+    #[cfg(debug_assertions)]
+    fn reload(&mut self, wanted: &Wanted) {
+        self.orders.retain(|order| !matches!(order, Order::Reload));
+        let mut reload = || {
+            if !crate::shaders::reload()? {
+                return Ok("no shader has changed".to_owned());
+            }
+            self.display = Display::new(&self.gpu)?;
+            self.painters.iter_mut().try_for_each(|painter| painter.remake(wanted))?;
+            Ok("changed shaders are loaded".to_owned())
+        };
+        let result: Result<_> = reload();
+        let notice = result.map_or_else(|error| Notice::Failed(error.to_string()), Notice::Done);
+        lock(&self.shared.notices).push(notice);
+        (self.shared.wake)();
+    }
+
     fn obey(&mut self, wanted: &Wanted) {
         let painter = &self.painters[0];
         let Some(renderer) = painter.renderer().filter(|_| painter.is_full(wanted)) else { return };
         let mut notices = Vec::new();
         let enough = wanted.sides[0].enough();
         self.orders.retain(|order| {
-            let Order::Screenshot { path, frames } = order;
-            if painter.frames < (*frames).min(enough) {
+            let (path, frames) = match order {
+                Order::Screenshot { path, frames } => (path, *frames),
+                #[cfg(debug_assertions)]
+                Order::Reload => return true,
+            };
+            if painter.frames < frames.min(enough) {
                 return true;
             }
             let written = FileKind::of(path)

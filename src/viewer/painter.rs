@@ -255,6 +255,20 @@ impl Painter {
         Ok(())
     }
 
+    /// Makes the renderer anew with the shaders of now; where that fails the old one stays.
+    ///
+    /// # Errors
+    /// Fails if a shader does not have the bindings that its pass has.
+    #[cfg(debug_assertions)]
+    pub fn remake(&mut self, wanted: &Wanted) -> Result<()> {
+        if let Some(old) = &self.renderer {
+            let (options, plan) = (old.options().clone(), old.plan().clone());
+            self.renderer = Some(Renderer::with_plan(&self.gpu, &wanted.scene, options, plan)?);
+            (self.view, self.reached, self.frames) = (None, None, 0);
+        }
+        Ok(())
+    }
+
     fn rebuild(&mut self, wanted: &Wanted, side: &Side, size: [u32; 2]) -> Result<()> {
         self.renderer = None;
         self.made_for = None;

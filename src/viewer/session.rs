@@ -28,6 +28,9 @@ pub enum WindowRequest {
     Load(PathBuf),
     /// Enter or leave full screen.
     FullScreen,
+    /// Take up the shaders on disk.
+    #[cfg(debug_assertions)]
+    Reload,
 }
 
 /// A line over the picture.
@@ -196,6 +199,8 @@ impl Session {
             Notice::Written { path, size: [w, h], frames } => {
                 self.say(format!("{} written, {w}×{h}, {frames} frames", path.display()));
             }
+            #[cfg(debug_assertions)]
+            Notice::Done(text) => self.say(text),
             Notice::Failed(text) => self.complain(text),
         }
     }

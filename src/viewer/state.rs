@@ -160,6 +160,9 @@ pub enum Order {
     /// Writes A's picture once it has been refined for this many frames. The file's extension tells whether
     /// it is linear or as displayed.
     Screenshot { path: PathBuf, frames: u32 },
+    /// Takes up the shaders on disk.
+    #[cfg(debug_assertions)]
+    Reload,
 }
 
 /// What the rendering thread has to say.
@@ -168,6 +171,9 @@ pub enum Notice {
     /// An order was carried out. The notice has the file, its size, and the frames that its picture was
     /// accumulated for.
     Written { path: PathBuf, size: [u32; 2], frames: u32 },
+    /// Something was done as ordered.
+    #[cfg(debug_assertions)]
+    Done(String),
     /// Something failed and was left as it was.
     Failed(String),
 }

@@ -14,6 +14,8 @@ mod compare;
 mod converged;
 mod devices;
 mod docs;
+#[cfg(feature = "faults")]
+mod faults;
 mod folder;
 mod gltf;
 mod gpu;
@@ -26,6 +28,8 @@ mod panorama_io;
 mod path_trace;
 mod plan;
 mod relighting;
+#[cfg(debug_assertions)]
+mod reload;
 mod renderer;
 mod rooms;
 mod samplers;

@@ -101,12 +101,23 @@ fn room() -> Folder {
 
 /// Starts a session that plays a script under validation.
 fn start(folder: &Folder, display: &Display, script: &str, arguments: &str) -> Session {
+    start_with(folder, display, script, arguments, &[])
+}
+
+/// The same with variables of its environment.
+fn start_with(
+    folder: &Folder,
+    display: &Display,
+    script: &str,
+    arguments: &str,
+    environment: &[(&str, &Path)],
+) -> Session {
     folder.write("script.txt", script);
     let flags = "--size 160x120 --script script.txt --report report.json --validation";
     let mut command = Command::new(env!("CARGO_BIN_EXE_iprt"));
     command.args(format!("view {arguments} {flags}").split_whitespace()).current_dir(folder.root());
     command.env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY");
-    command.stderr(Stdio::piped()).stdout(Stdio::piped());
+    command.envs(environment.iter().copied()).stderr(Stdio::piped()).stdout(Stdio::piped());
     Session { child: command.spawn().expect("starts"), report: folder.path("report.json") }
 }
 
@@ -328,6 +339,38 @@ fn the_screen_and_a_screenshot_are_what_render_gives() {
         let read = |stem: &str| fs::read(folder.path(&format!("{stem}.{name}"))).expect("written");
         assert!(read("shot") == read("render"), "{name}: bit for bit");
     }
+}
+
+#[cfg(debug_assertions)]
+#[test]
+fn a_changed_shader_is_seen_and_a_broken_one_is_said() {
+    use crate::reload::{change, copy};
+    let (folder, display, root) = (room(), Display::start(), copy());
+    let script = "
+        key P
+        settle 1
+        screenshot before.png
+        await changed
+        key F5
+        screenshot after.png
+        await broken
+        key F5
+        errors 1
+        screenshot same.png
+    ";
+    let session = start_with(&folder, &display, script, "scene.toml", &[("IPRT_SHADERS", root.path())]);
+    let composite = "shaders/glsl/composite.comp";
+    until("a screenshot", || folder.path("before.png").exists());
+    change(root.path(), composite, "vec4(radiance, 1.0)", "vec4(0.0, radiance.gb, 1.0)");
+    folder.write("changed", "");
+    until("another screenshot", || folder.path("after.png").exists());
+    change(root.path(), composite, "vec4(0.0", "vec4(nonsense");
+    folder.write("broken", "");
+    let report = session.finish();
+    let red = |name: &str| picture(&folder.path(name)).pixels().any(|pixel| pixel.0[0] > 0);
+    assert!(red("before.png") && !red("after.png") && !red("same.png"));
+    let errors = report.errors();
+    assert!(errors.contains("composite.comp:") && errors.contains("nonsense"), "{errors}");
 }
 
 #[test]

@@ -1,0 +1,27 @@
+//! What a build is without: the window where that is left out, and planted faults where they were not asked for. It runs in
+//! every build: `cargo test --no-default-features --test lean`.
+
+#[cfg(not(feature = "viewer"))]
+#[test]
+fn a_build_without_the_window_says_so() {
+    for arguments in [&["view"][..], &["view", "scene.toml", "--size", "40x30"]] {
+        let output =
+            std::process::Command::new(env!("CARGO_BIN_EXE_iprt")).args(arguments).output().expect("the program runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.contains("has no window") && said.contains("viewer"), "{said}");
+    }
+}
+
+/// The shaders' constant is there by its name, as an instruction of the SPIR-V, where faults can be planted.
+#[test]
+fn faults_are_in_no_program_that_did_not_ask_for_them() {
+    let program = std::fs::read(env!("CARGO_BIN_EXE_iprt")).expect("the program is there");
+    let holds = |word: &[u8]| program.windows(word.len()).any(|part| part == word);
+    assert!(holds(b"\0\0in_radiance\0"), "names in SPIR-V are found in this way");
+    assert_eq!(holds(b"\0\0FAULT\0\0\0"), cfg!(feature = "faults"));
+    for name in ["EnergyClamp", "HistoryKept", "LastTileLost", "RaysFromBelow", "FAULT_NO_WRAP"] {
+        assert!(cfg!(feature = "faults") || !holds(name.as_bytes()), "{name}");
+    }
+}
