@@ -1,7 +1,7 @@
 //! A debug build takes up a changed shader without being built again, and says where one is broken.
 
 use iprt::{
-    gpu::{Access, Bind, Gpu, GpuOptions, PassDeclaration, PushLayout, Threads},
+    gpu::{Bind, Gpu, GpuOptions, PassDeclaration, PushLayout, Threads},
     gpu_struct,
     shaders::Sources,
 };
@@ -62,7 +62,6 @@ fn a_changed_shader_runs() {
         let declaration = PassDeclaration {
             name: "add",
             spirv: spirv.leak(),
-            bindings: &[("in_values", Access::Read), ("out_values", Access::Write)],
             push: Some(PushLayout::of::<AddPush>()),
             structs: &[],
         };
