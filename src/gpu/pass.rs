@@ -92,7 +92,9 @@ impl Gpu {
     /// A handle that keeps the passes it makes alive, so that the next of the same shader and constants is there at once. They live as
     /// long as it and its clones do.
     pub fn keeping_passes(&self) -> Self {
-        Self(self.0.clone(), Making { kept: Some(Arc::default()), ..self.1.clone() })
+        let mut making = self.1.clone();
+        making.kept = Some(Arc::default());
+        Self(self.0.clone(), making)
     }
 
     /// A handle whose passes of these names have a planted fault, by its number in the shaders.

@@ -1,7 +1,8 @@
 //! A debug build takes up a changed shader without being built again, and says where one is broken.
 
+use crate::common::validated;
 use iprt::{
-    gpu::{Bind, Gpu, GpuOptions, PassDeclaration, PushLayout, Threads},
+    gpu::{Bind, PassDeclaration, PushLayout, Threads},
     gpu_struct,
     shaders::Sources,
 };
@@ -57,24 +58,18 @@ fn a_changed_shader_runs() {
     assert_eq!(before.digest, after.digest, "truths do not depend on shaders of tests");
 
     let (_, spirv) = after.shaders.into_iter().find(|(name, _)| name == "tests/glsl/add").expect("it is there");
-    let gpu = Gpu::new(&GpuOptions { device: None, validation: true }).expect("a device");
-    {
-        let declaration = PassDeclaration {
-            name: "add",
-            spirv: spirv.leak(),
-            push: Some(PushLayout::of::<AddPush>()),
-            structs: &[],
-        };
+    validated(|gpu| {
+        let declaration =
+            PassDeclaration { name: "add", spirv: spirv.leak(), push: Some(PushLayout::of::<AddPush>()), structs: &[] };
         let from = gpu.buffer_with("from", &[1.0_f32, 2.0]).expect("a buffer");
         let to = gpu.buffer("to", 8).expect("a buffer");
         let pass = gpu.pass(&declaration, &[]).expect("a pipeline");
         let mut frame = gpu.frame().expect("a frame");
         let binds = [("out_values", Bind::from(&to)), ("in_values", Bind::from(&from))];
         frame.dispatch(&pass, &binds, &AddPush { count: 2, amount: 0.5 }, Threads::Size([2, 1, 1])).expect("recorded");
-        frame.submit().expect("runs");
+        frame.run().expect("runs");
         assert_eq!(gpu.read_buffer::<f32>(&to).expect("read"), [0.5, 1.5]);
-    }
-    assert!(gpu.destroy().expect("nothing holds the device").is_empty());
+    });
 
     change(root.path(), "shaders/glsl/composite.comp", "vec4(radiance, 1.0)", "vec4(radiance, 0.5)");
     let shipped = Sources::at(root.path()).compile().expect("compiles");
