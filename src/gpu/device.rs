@@ -59,12 +59,14 @@ pub(super) struct Shared {
     pub passes: Mutex<HashMap<PassKey, Weak<PassData>>>,
     queue: Mutex<vk::Queue>,
     pub queue_family: u32,
+    #[cfg_attr(not(feature = "viewer"), expect(dead_code, reason = "windows alone read it"))]
     pub physical: vk::PhysicalDevice,
     name: String,
     driver: String,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub instance: ash::Instance,
     log: Arc<Log>,
+    #[cfg_attr(not(feature = "viewer"), expect(dead_code, reason = "windows alone read it; all need it alive"))]
     pub entry: ash::Entry,
 }
 

@@ -66,6 +66,7 @@ pub(super) unsafe fn to_general(device: &ash::Device, commands: vk::CommandBuffe
     unsafe { device.cmd_pipeline_barrier2(commands, &vk::DependencyInfo::default().image_memory_barriers(&change)) };
 }
 
+#[cfg(feature = "viewer")]
 /// Changes an image's layout: what came before in the first stage is done, and seen by what follows in the second.
 ///
 /// # Safety
