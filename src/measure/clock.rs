@@ -11,7 +11,8 @@ use crate::{
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, time::Instant};
 
-/// The number of frames of a new renderer whose times do not count: shaders are compiled, and the history is short.
+/// The number of frames of a new renderer whose times do not count: shaders are compiled, and the history is
+/// short.
 pub const WARM_UP: u32 = 5;
 
 /// A frame that has finished.
@@ -25,8 +26,9 @@ pub struct Sample {
     pub wall_ms: f64,
 }
 
-/// Renders one frame for each time in `times`, in seconds, and hands each finished frame to `each`, in order. Two frames are in
-/// flight. All frames have finished when this returns. A caller who needs the picture of a certain frame therefore ends `times` with that frame.
+/// Renders one frame for each time in `times`, in seconds, and hands each finished frame to `each`, in order.
+/// Two frames are in flight. All frames have finished when this returns. A caller who needs the picture of a
+/// certain frame therefore ends `times` with that frame.
 ///
 /// # Errors
 /// Fails if a frame cannot be rendered, or with the first error that `each` returns.
@@ -107,7 +109,8 @@ pub struct Round {
     pub passes: BTreeMap<String, f64>,
     /// GPU milliseconds of the passes that run once a video frame.
     pub prepare_ms: f64,
-    /// Scores of the still picture, with another seed in each round. `None` if the round has too few frames for it.
+    /// Scores of the still picture, with another seed in each round. `None` if the round has too few frames
+    /// for it.
     pub scores: Option<Scores>,
 }
 
@@ -130,8 +133,8 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Summarises repetitions of several values each. Each repetition counts by its median, however many values it has.
-    /// Empty repetitions do not count, and the result is `None` if all are empty.
+    /// Summarises repetitions of several values each. Each repetition counts by its median, however many
+    /// values it has. Empty repetitions do not count, and the result is `None` if all are empty.
     pub fn of(rounds: &[Vec<f64>]) -> Option<Self> {
         let quantiles = |q| rounds.iter().filter(|r| !r.is_empty()).map(move |r| quantile(&mut r.clone(), q)).collect();
         let mut medians: Vec<f64> = quantiles(0.5);
@@ -167,7 +170,8 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     quantile(&mut values.into_iter().collect::<Vec<_>>(), 0.5)
 }
 
-/// Sorts the values and returns the quantile `q`, interpolated between the two nearest ranks; 0 if there are no values.
+/// Sorts the values and returns the quantile `q`, interpolated between the two nearest ranks; 0 if there are
+/// no values.
 pub fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let Some(last) = values.len().checked_sub(1) else { return 0.0 };

@@ -1,4 +1,5 @@
-//! Measures one point: a first round with pictures, their scores and times, and later rounds with other seeds.
+//! Measures one point: a first round with pictures, their scores and times, and later rounds with other
+//! seeds.
 
 use super::{
     options::ChartOptions,
@@ -114,7 +115,8 @@ pub(super) fn first(gpu: &Gpu, task: &Task, key: &str, keep: Keep) -> Result<Cha
     Ok(point)
 }
 
-/// Measures a later round of a point: its times, and its main picture with another seed where that takes few frames.
+/// Measures a later round of a point: its times, and its main picture with another seed where that takes few
+/// frames.
 pub(super) fn another(gpu: &Gpu, task: &Task, keep: Keep) -> Result<Round> {
     let mut renderer = renderer(gpu, task)?;
     let mut clock = FrameClock::default();
@@ -146,8 +148,8 @@ fn renderer(gpu: &Gpu, task: &Task) -> Result<Renderer> {
     Renderer::new(gpu, task.scene, options)
 }
 
-/// The time of a moving frame, seconds. The scene plays backwards and ends at the picture's time, so that the truth of the still
-/// picture is also the truth of the last moving one.
+/// The time of a moving frame, seconds. The scene plays backwards and ends at the picture's time, so that the
+/// truth of the still picture is also the truth of the last moving one.
 fn moving_time(time: f64, frames_left: u32) -> f64 {
     time + f64::from(frames_left) / MOVING_FPS
 }
