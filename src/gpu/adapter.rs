@@ -1,4 +1,4 @@
-//! The physical devices of this machine: which can run this program, which not and why, and the choice among them.
+//! The physical devices of this machine: which can run this program, why others cannot, and which to choose.
 
 use std::ffi::{CStr, c_char};
 
@@ -11,11 +11,11 @@ use crate::{Error, Result};
 /// One physical device.
 #[derive(Clone, Debug, Serialize)]
 pub struct Adapter {
-    /// Its place in Vulkan's enumeration, which `--device` accepts.
+    /// The device's number in Vulkan's enumeration. `--device` accepts it.
     pub index: usize,
-    /// As the driver calls it.
+    /// The device's name, from its driver.
     pub name: String,
-    /// Driver name and version in words.
+    /// The driver's name and version.
     pub driver: String,
     /// The Vulkan version it implements.
     pub api_version: String,
@@ -23,11 +23,11 @@ pub struct Adapter {
     pub kind: &'static str,
     /// Whether this program can run on it.
     pub usable: bool,
-    /// Why not; empty where it is usable.
+    /// Why the program cannot run on it. Empty if it can.
     pub problems: Vec<String>,
 }
 
-/// What an adapter offers, for [`super::Gpu`].
+/// What [`super::Gpu`] needs to know of an adapter.
 pub(super) struct FoundAdapter {
     pub handle: vk::PhysicalDevice,
     pub adapter: Adapter,
@@ -44,7 +44,7 @@ pub(super) struct FoundAdapter {
 pub fn list() -> Result<Vec<Adapter>> {
     let entry = load()?;
     let info = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
-    // SAFETY: a plain instance, destroyed below; nothing made from it survives.
+    // SAFETY: a plain instance. It is destroyed below, and nothing made from it survives.
     unsafe {
         let instance = entry
             .create_instance(&vk::InstanceCreateInfo::default().application_info(&info), None)
@@ -81,7 +81,8 @@ pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<FoundAdapter>> 
 /// # Safety
 /// `handle` belongs to `instance`.
 unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDevice) -> FoundAdapter {
-    // SAFETY: `handle` belongs to `instance`; structures for 1.2 and later are chained only where they are known.
+    // SAFETY: `handle` belongs to `instance`, and structures of Vulkan 1.2 and later are chained only if
+    // known.
     unsafe {
         let plain = instance.get_physical_device_properties(handle);
         let mut problems = Vec::new();
@@ -120,7 +121,8 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
         let families = instance.get_physical_device_queue_family_properties(handle);
         let computes = |family: &vk::QueueFamilyProperties| family.queue_flags.contains(vk::QueueFlags::COMPUTE);
         let timed = |family: &vk::QueueFamilyProperties| computes(family) && family.timestamp_valid_bits > 0;
-        // A queue that can draw too can present by blit; another compute queue will do.
+        // A queue that can also draw is preferred, as it can present by a blit. Any other compute queue will
+        // do.
         let family = families
             .iter()
             .position(|f| timed(f) && f.queue_flags.contains(vk::QueueFlags::GRAPHICS))
@@ -162,10 +164,10 @@ fn text(raw: &[std::ffi::c_char]) -> String {
     CStr::from_bytes_until_nul(bytes).map_or_else(|_| String::new(), |c| c.to_string_lossy().into_owned())
 }
 
-/// Which adapter `wanted` (an index, or part of a name in any case) means; the fastest kind where it is `None`.
+/// Finds an adapter by its index or a part of its name, ignoring case. `None` is one of the fastest kind.
 ///
 /// # Errors
-/// Fails with [`Error::NoDevice`] and lists what there is.
+/// Fails with [`Error::NoDevice`] if no usable adapter matches. The error lists the adapters of this machine.
 pub fn choose(adapters: &[Adapter], wanted: Option<&str>) -> Result<usize> {
     if adapters.is_empty() {
         return Err(Error::NoDevice {
@@ -206,14 +208,14 @@ pub fn choose(adapters: &[Adapter], wanted: Option<&str>) -> Result<usize> {
     }
 }
 
-/// Creates the instance, with the validation layer where asked for, and with the extensions that windows take.
+/// Creates the instance with extensions for `windows`, and with the validation layer if it is wanted.
 pub(super) fn instance(
     entry: &ash::Entry,
     validation: bool,
     log: &validation::Log,
     windows: Option<&[*const c_char]>,
 ) -> Result<(ash::Instance, bool /* debug utils */)> {
-    // SAFETY: plain queries; what the create info points at outlives the call.
+    // SAFETY: these are plain queries, and what the create info points at outlives the call.
     unsafe {
         let layer = if validation { Some(validation::find_layer(entry)?) } else { None };
         let offered = entry.enumerate_instance_extension_properties(None).map_err(no_instance)?;
@@ -241,7 +243,7 @@ pub(super) fn instance(
             }
         }
         let made = match entry.create_instance(&info.enabled_extension_names(&extensions), None) {
-            // Loaders older than their layer refuse a name that the layer understands all the same.
+            // Loaders that are older than their layer refuse this name, but the layer understands it.
             Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT) if layer.is_some_and(|support| support.settings) => {
                 extensions.pop();
                 entry.create_instance(&info.enabled_extension_names(&extensions), None)

@@ -25,18 +25,18 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Which device, and how suspiciously to run on it.
+/// Which device to open, and how closely to check what is done with it.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
-    /// An index in Vulkan's enumeration or part of a name; `None`: the fastest kind.
+    /// An index in Vulkan's enumeration or a part of a name. `None` chooses one of the fastest kind.
     pub device: Option<String>,
     /// Runs under the validation layer, with synchronization checks.
     pub validation: bool,
-    /// Where pipelines are kept between runs; `None`: nowhere.
+    /// The folder that keeps pipelines between runs. `None` keeps them nowhere.
     pub pipeline_cache: Option<PathBuf>,
 }
 
-/// A Vulkan 1.3 device with one compute queue. Cheap to clone; whatever is made from it keeps it alive.
+/// A Vulkan 1.3 device with one compute queue. Clones are cheap. Whatever is made from it keeps it alive.
 #[derive(Clone)]
 pub struct Gpu(pub(super) Arc<Shared>, pub(super) Making);
 
@@ -55,7 +55,7 @@ pub(super) struct Shared {
     allocator: Mutex<Option<memory::Allocator>>,
     slots: Mutex<Vec<Slot>>,
     staging: Mutex<Option<Staging>>,
-    /// Pipelines that are alive, so that renderers of one device share them.
+    /// The living pipelines, so that renderers of one device share them.
     pub passes: Mutex<HashMap<PassKey, Weak<PassData>>>,
     queue: Mutex<vk::Queue>,
     pub queue_family: u32,
@@ -70,7 +70,7 @@ pub(super) struct Shared {
     pub entry: ash::Entry,
 }
 
-/// Turns a failed call into an [`Error::Vulkan`] that says during what.
+/// Turns a failed call into an [`Error::Vulkan`] that says what was being done.
 pub(super) fn during(what: impl Into<String>) -> impl FnOnce(vk::Result) -> Error {
     move |result| Error::Vulkan { during: what.into(), result }
 }
@@ -83,22 +83,22 @@ impl Gpu {
     /// Opens a device.
     ///
     /// # Errors
-    /// Fails with [`Error::NoDevice`] if there is no loader, driver, or usable device, or validation was
-    /// asked for and its layer is missing.
+    /// Fails with [`Error::NoDevice`] if there is no loader, no driver or no usable device, or if validation
+    /// was asked for and its layer is missing.
     pub fn new(options: &GpuOptions) -> Result<Self> {
         Self::open(options, None)
     }
 
-    /// Opens a device; one for windows takes instance extensions.
+    /// Opens a device. `windows` are the instance extensions that windows need.
     pub(super) fn open(options: &GpuOptions, windows: Option<&[*const c_char]>) -> Result<Self> {
         let entry = adapter::load()?;
         let log = Arc::new(Log::default());
         let (instance, labels) = adapter::instance(&entry, options.validation, &log, windows)?;
-        // From here on the instance is destroyed on every path.
+        // From here on, every path destroys the instance.
         match open(&entry, &instance, labels, options, &log, windows.is_some()) {
             Ok(parts) => Ok(Self(Arc::new(parts.share(entry, instance, log)), Making::default())),
             Err(error) => {
-                // SAFETY: `open` leaves nothing behind that was made from the instance.
+                // SAFETY: `open` has destroyed all that it made from the instance.
                 unsafe { instance.destroy_instance(None) };
                 Err(error)
             }
@@ -125,13 +125,13 @@ impl Gpu {
         self.0.limits.max_compute_work_group_count
     }
 
-    /// Every validation message so far; empty without validation.
+    /// Every validation message so far. Empty without validation.
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.log.messages()
     }
 
-    /// Destroys the device and the instance and returns every validation message, those of the teardown included
-    /// (a leaked object is one).
+    /// Destroys the device and the instance. Returns every validation message, including those of the
+    /// teardown, which name objects that leaked.
     ///
     /// # Errors
     /// Fails with [`Error::Internal`] if a buffer, image, pass, frame or clone still holds the device.
@@ -151,10 +151,10 @@ impl Gpu {
         Ok(log.messages())
     }
 
-    /// For the test that wants a leak noticed: makes a fence and forgets it.
+    /// Makes a fence and forgets it. A test checks that the leak is noticed.
     #[doc(hidden)]
     pub fn leak_for_test(&self) -> Result<()> {
-        // SAFETY: forgetting a fence is what is asked for.
+        // SAFETY: this call only creates a fence. The caller asks for the leak.
         unsafe { self.0.device.create_fence(&vk::FenceCreateInfo::default(), None) }
             .map(|_| ())
             .map_err(during("vkCreateFence"))
@@ -189,8 +189,8 @@ fn open(
             remedy: "choose another device (see `iprt devices`)".into(),
         });
     }
-    // SAFETY: the chosen device has the features and the queue family asked for; on failure what was made is
-    // destroyed in reverse order.
+    // SAFETY: the chosen device has the features and the queue family that are asked for. On failure, what
+    // was made is destroyed in reverse order.
     unsafe {
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default()
@@ -247,7 +247,7 @@ fn open(
         };
         let messenger = if options.validation {
             let debug = ash::ext::debug_utils::Instance::new(entry, instance);
-            // Without a messenger there would be no messages: as good as no layer.
+            // Without a messenger there would be no messages, so a failure counts like a missing layer.
             match debug.create_debug_utils_messenger(&validation::messenger(log), None) {
                 Ok(messenger) => Some((debug, messenger)),
                 Err(result) => {
@@ -277,7 +277,7 @@ fn pipeline_cache(
     PipelineCache::open(device, &properties, folder)
 }
 
-/// A linear and a nearest sampler that wrap around the panorama and stop at its poles.
+/// Makes a linear and a nearest sampler. Both wrap around the panorama and are clamped at its poles.
 fn samplers(device: &ash::Device) -> Result<[vk::Sampler; 2]> {
     let info = |filter, mipmap_mode| {
         vk::SamplerCreateInfo::default()
@@ -289,7 +289,7 @@ fn samplers(device: &ash::Device) -> Result<[vk::Sampler; 2]> {
             .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
             .max_lod(vk::LOD_CLAMP_NONE)
     };
-    // SAFETY: valid create infos; the first is destroyed where the second fails.
+    // SAFETY: the create infos are valid. The first sampler is destroyed if the second cannot be made.
     unsafe {
         let linear = device
             .create_sampler(&info(vk::Filter::LINEAR, vk::SamplerMipmapMode::LINEAR), None)
@@ -309,7 +309,7 @@ impl Parts {
         let handle = self.chosen.handle;
         let mut v13 = vk::PhysicalDeviceVulkan13Properties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut v13);
-        // SAFETY: the physical device belongs to `instance`; the queue was asked for.
+        // SAFETY: the physical device belongs to `instance`, and the device was created with this queue.
         let (limits, features, queue) = unsafe {
             instance.get_physical_device_properties2(handle, &mut properties);
             let limits = properties.properties.limits;
@@ -358,7 +358,7 @@ impl Shared {
     pub(super) fn label<H: Handle>(&self, handle: H, name: &str) {
         let (Some(debug), Ok(name)) = (&self.debug, CString::new(name.replace('\0', " "))) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
-        // SAFETY: the handle is alive. A name that cannot be set is no reason to stop.
+        // SAFETY: the handle is alive. The result is ignored because a missing name does no harm.
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
@@ -380,7 +380,7 @@ impl Shared {
         }
     }
 
-    /// A slot to record into: one used before where there is one.
+    /// Takes a slot to record into: one that was used before, if there is one.
     pub(super) fn take_slot(&self) -> Result<Slot> {
         let idle = lock(&self.slots).pop();
         idle.map_or_else(|| Slot::new(self), Ok)
@@ -395,16 +395,16 @@ impl Shared {
         lock(&self.staging)
     }
 
-    /// Submits one command buffer.
     pub(super) fn submit(&self, commands: vk::CommandBuffer, fence: vk::Fence) -> std::result::Result<(), vk::Result> {
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
         let queue = self.queue();
-        // SAFETY: the command buffer is complete and the fence unsignalled; the lock serialises the queue.
+        // SAFETY: the command buffer is complete and the fence unsignalled, and the lock serialises the
+        // queue.
         unsafe { self.device.queue_submit2(*queue, &submits, fence) }
     }
 
-    /// The queue, which one thread at a time may use.
+    /// Locks the queue, as one thread at a time may use it.
     pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
         lock(&self.queue)
     }
@@ -412,9 +412,9 @@ impl Shared {
 
 impl Drop for Shared {
     fn drop(&mut self) {
-        // SAFETY: every buffer, image and pass held this; none is left. The allocator goes before the device.
+        // SAFETY: every buffer, image and pass held this, and none is left. The allocator is dropped first.
         unsafe {
-            let _ = self.device.device_wait_idle(); // a lost device is torn down all the same
+            let _ = self.device.device_wait_idle(); // a lost device is torn down as well
             let slots = std::mem::take(&mut *lock(&self.slots));
             for slot in slots {
                 slot.destroy(self);

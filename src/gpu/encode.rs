@@ -1,4 +1,4 @@
-//! Vulkan command buffers: the one place that calls `vkCmd*` around dispatches, transfers and barriers.
+//! Vulkan command buffers. Only this file records dispatches, transfers and barriers with `vkCmd*`.
 
 use std::{ffi::CString, time::Instant};
 
@@ -16,7 +16,7 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// One global memory barrier: all that came before in `from` finishes, and is visible to what follows in `to`.
+/// Records a global memory barrier: `to` waits for what came before in `from`, and sees what it wrote.
 pub(super) fn barrier(
     device: &ash::Device,
     commands: vk::CommandBuffer,
@@ -32,14 +32,13 @@ pub(super) fn barrier(
     unsafe { device.cmd_pipeline_barrier2(commands, &vk::DependencyInfo::default().memory_barriers(&memory)) };
 }
 
-/// The stages of everything a frame records.
+/// The stages of everything that a frame records.
 const FRAME_STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
     vk::PipelineStageFlags2::COMPUTE_SHADER.as_raw()
         | vk::PipelineStageFlags2::DRAW_INDIRECT.as_raw()
         | vk::PipelineStageFlags2::ALL_TRANSFER.as_raw(),
 );
 
-/// All levels and layers.
 pub(super) fn whole_image() -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange::default()
         .aspect_mask(vk::ImageAspectFlags::COLOR)
@@ -47,13 +46,13 @@ pub(super) fn whole_image() -> vk::ImageSubresourceRange {
         .layer_count(vk::REMAINING_ARRAY_LAYERS)
 }
 
-/// Brings a new image into the layout in which it stays.
+/// Brings a new image into the layout `GENERAL`, in which it stays.
 ///
 /// # Safety
-/// The command buffer is recording and the image alive.
+/// The command buffer is recording, and the image is alive.
 pub(super) unsafe fn to_general(device: &ash::Device, commands: vk::CommandBuffer, image: vk::Image) {
     let change = [vk::ImageMemoryBarrier2::default()
-        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS) // its memory may have been another image's
+        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS) // its memory may have belonged to another image
         .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
         .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
         .old_layout(vk::ImageLayout::UNDEFINED)
@@ -67,10 +66,10 @@ pub(super) unsafe fn to_general(device: &ash::Device, commands: vk::CommandBuffe
 }
 
 #[cfg(feature = "viewer")]
-/// Changes an image's layout: what came before in the first stage is done, and seen by what follows in the second.
+/// Changes an image's layout. The second stage waits for the first, and sees what it wrote.
 ///
 /// # Safety
-/// The command buffer is recording, the image alive and in the first layout, or of no more use as it was.
+/// The command buffer is recording. The image is alive and in the first layout, or its content may be lost.
 pub(super) unsafe fn image_change(
     device: &ash::Device,
     commands: vk::CommandBuffer,
@@ -102,14 +101,14 @@ pub(super) fn immediate(shared: &Shared, what: &str, record: impl FnOnce(vk::Com
         return begun;
     }
     record(slot.commands);
-    // A slot that the device may still use is not given back.
+    // If this fails, the device may still use the slot, so it is not given back.
     slot.submit(shared).and_then(|()| slot.wait(shared)).map_err(during(what))?;
     shared.return_slot(slot);
     Ok(())
 }
 
-/// Runs the pieces of a frame one after the other; asks before each whether to stop. Times are from submission to fence: others
-/// use the queue in between, and a driver that draws on the CPU takes the timestamps of both when it has drawn.
+/// Runs the pieces of a frame in order, and asks before each whether to stop. Times are from submission to
+/// fence: other work uses the queue in between, and CPU drivers take both timestamps when they have drawn.
 pub(super) fn run_pieces(gpu: &Gpu, pieces: Vec<Vec<Command>>, stopped: &dyn Fn() -> bool) -> Result<Timings> {
     let start = Instant::now();
     let elapsed = || start.elapsed().as_secs_f64() * 1e3;
@@ -131,7 +130,7 @@ pub(super) fn run_pieces(gpu: &Gpu, pieces: Vec<Vec<Command>>, stopped: &dyn Fn(
     Ok(timings)
 }
 
-/// Records everything between the beginning and the end of a submission, with two timestamps around each entry.
+/// Records a submission, with two timestamps around each entry.
 pub(super) fn record(shared: &Shared, slot: &mut Slot, commands: &[Command]) -> Result<()> {
     let queries = 2 * commands.iter().filter_map(Command::path).count() as u32;
     let mut counts = [0; 1 + KINDS.len()];
@@ -175,7 +174,7 @@ pub(super) fn record(shared: &Shared, slot: &mut Slot, commands: &[Command]) -> 
 fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
     let (device, commands) = (&shared.device, slot.commands);
     let general = vk::ImageLayout::GENERAL;
-    // SAFETY: the frame holds everything named here until it has run; sizes and kinds were checked when recorded.
+    // SAFETY: the frame holds everything named here until it has run. Sizes and kinds have been checked.
     unsafe {
         match action {
             Action::Fill { buffer, value } => {
@@ -287,7 +286,7 @@ fn insert_label(shared: &Shared, commands: vk::CommandBuffer, name: &str) {
 
 fn end_label(shared: &Shared, commands: vk::CommandBuffer) {
     if let Some(debug) = &shared.debug {
-        // SAFETY: the command buffer is recording, with a label begun.
+        // SAFETY: the command buffer is recording, and a label was begun.
         unsafe { debug.cmd_end_debug_utils_label(commands) };
     }
 }

@@ -1,4 +1,4 @@
-//! Records dispatches, transfers and barriers, checks them, and hands them over to the device as one piece of work.
+//! Records dispatches, transfers and barriers, checks them, and submits them as one piece of work.
 
 use std::sync::{
     Arc,
@@ -23,12 +23,11 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// What a binding of a pass is given.
+/// What a shader's binding is bound to.
 #[derive(Clone, Debug)]
 pub enum Bind {
-    /// A buffer.
     Buffer(Buffer),
-    /// An image: one level, or, for `None`, level 0 where it is stored to and all levels where it is sampled.
+    /// An image and the level to bind. `None` binds level 0 for stores and all levels for sampling.
     Image(Image, Option<u32>),
 }
 
@@ -45,7 +44,7 @@ impl From<&Image> for Bind {
 }
 
 impl Image {
-    /// One mip level, for binding.
+    /// Binds one mip level.
     pub fn level(&self, level: u32) -> Bind {
         Bind::Image(self.clone(), Some(level))
     }
@@ -54,15 +53,15 @@ impl Image {
 /// How many threads a dispatch runs.
 #[derive(Clone, Copy, Debug)]
 pub enum Threads<'a> {
-    /// At least so many along each axis: rounded up to whole workgroups, so the shader checks its bounds.
+    /// At least this many along each axis. Workgroups are whole, so the shader checks its bounds.
     Size([u32; 3]),
-    /// As many workgroups as three `u32` in the buffer, from that byte on, say.
+    /// The buffer holds the number of workgroups along each axis, as three `u32` from this byte on.
     Indirect(&'a Buffer, u64),
 }
 
 #[derive(Clone)]
 pub(super) enum Groups {
-    /// So many, from the first on.
+    /// `count` workgroups, from `first` on.
     Part {
         first: [u32; 3],
         count: [u32; 3],
@@ -70,25 +69,24 @@ pub(super) enum Groups {
     Indirect(Buffer, u64),
 }
 
-/// Workgroups of one piece of a frame that is submitted in pieces.
+/// Workgroups in one piece, if a frame is submitted in pieces.
 const PIECE: u32 = 512;
 
-/// Lets others use the queue between the dispatches of a frame, and stops the frame half way.
+/// Submits a frame in pieces. Other work can run between them, and the frame can be stopped half way.
 #[derive(Clone, Debug, Default)]
 pub struct Pieces(Arc<AtomicBool>);
 
 impl Pieces {
-    /// Frames that are submitted in these pieces end early with [`Error::Interrupted`], until [`Pieces::go_on`] is called.
+    /// Ends frames that are submitted in these pieces with [`Error::Interrupted`], until [`Pieces::go_on`].
     pub fn stop(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Takes [`Pieces::stop`] back.
+    /// Undoes [`Pieces::stop`].
     pub fn go_on(&self) {
         self.0.store(false, Ordering::Relaxed);
     }
 
-    /// Whether frames are to stop.
     pub fn stopped(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -106,7 +104,7 @@ pub(super) enum Action {
         buffer: Buffer,
         value: u32,
     },
-    /// From the slot's staging memory: the buffer, and where in it the bytes begin.
+    /// Copies from the slot's staging memory, given as a buffer and the offset of the bytes in it.
     Write {
         from: (vk::Buffer, u64),
         to: Destination,
@@ -121,17 +119,16 @@ pub(super) enum Action {
     },
 }
 
-/// What is written.
 #[derive(Clone)]
 pub(super) enum Destination {
-    /// So many bytes, from an offset on.
+    /// `bytes` bytes from `offset` on.
     Buffer { buffer: Buffer, offset: u64, bytes: u64 },
     /// One layer of one level.
     Image { image: Image, layer: u32, level: u32 },
 }
 
 impl Action {
-    /// What it is called in labels, hazards and timings.
+    /// The name in labels, hazards and timings.
     pub(super) fn label(&self) -> String {
         match self {
             Self::Write { to: Destination::Buffer { buffer, .. }, .. } => format!("write {}", buffer.name()),
@@ -184,14 +181,13 @@ impl Action {
 }
 
 pub(super) enum Command {
-    /// Timed under `path`: the scopes, the outermost first, and the action's own name.
+    /// An action that is timed under `path`: its scopes, the outermost first, then its own name.
     Run { path: Vec<String>, action: Action },
-    /// Says what it separates.
+    /// A barrier, with the text that says what it separates.
     Barrier(String),
 }
 
 impl Command {
-    /// The path of what is timed.
     pub(super) fn path(&self) -> Option<&[String]> {
         match self {
             Self::Run { path, .. } => Some(path),
@@ -203,15 +199,15 @@ impl Command {
 /// How a frame is submitted.
 #[derive(Clone, Debug, Default)]
 pub struct FrameOptions {
-    /// Submits it piece by piece, each waited for, so that other submissions get their turn in between.
+    /// Submits the frame piece by piece and waits for each, so that other submissions get their turn.
     pub pieces: Option<Pieces>,
-    /// For tests: leaves out the n-th of the barriers that are needed, from 0.
+    /// For tests: leaves out the needed barrier of this number, counted from 0.
     #[doc(hidden)]
     pub skip_barrier: Option<usize>,
-    /// For tests: submits in spite of hazards, to see what the validation layer makes of them.
+    /// For tests: submits the frame in spite of hazards, to see whether the validation layer reports them.
     #[doc(hidden)]
     pub ignore_hazards: bool,
-    /// For tests: every dispatch of the pass of this name runs so many times more, so that it is slow.
+    /// For tests: runs every dispatch of the pass of this name this many more times, so that it is slow.
     #[doc(hidden)]
     pub repeat: Option<(&'static str, u32)>,
 }
@@ -229,12 +225,12 @@ impl Gpu {
     /// Starts recording.
     ///
     /// # Errors
-    /// Fails with [`Error::Vulkan`] if no command buffer can be had.
+    /// Fails with [`Error::Vulkan`] if the device gives no command buffer.
     pub fn frame(&self) -> Result<Frame> {
         self.frame_with(FrameOptions::default())
     }
 
-    /// Starts recording a frame that is submitted in a way of its own.
+    /// Starts recording a frame that is submitted as `options` say.
     ///
     /// # Errors
     /// Fails as [`Gpu::frame`] does.
@@ -245,7 +241,7 @@ impl Gpu {
 }
 
 impl Frame {
-    /// What `record` records is timed as a part of `name`. Scopes nest.
+    /// Times everything that `record` records as a part of `name`. Scopes nest.
     pub fn scope<R>(&mut self, name: &str, record: impl FnOnce(&mut Self) -> R) -> R {
         self.scopes.push(name.to_owned());
         let recorded = record(self);
@@ -253,12 +249,12 @@ impl Frame {
         recorded
     }
 
-    /// Runs `pass` with these bindings (by GLSL name, in any order) and push constants (`&()` for none). A size with
-    /// a zero in it runs nothing.
+    /// Runs `pass` with these bindings, by GLSL name in any order, and these push constants (`&()` for none).
+    /// A size with a zero in it runs nothing.
     ///
     /// # Errors
     /// Fails with [`Error::Internal`] if bindings or push constants do not fit the pass, or with
-    /// [`Error::Input`] if the device cannot run so many workgroups.
+    /// [`Error::Input`] if the device cannot run that many workgroups.
     pub fn dispatch<T: GpuStruct>(
         &mut self,
         pass: &Pass,
@@ -299,8 +295,8 @@ impl Frame {
         Ok(())
     }
 
-    /// What follows waits for, and sees, all that came before. `why` says what it separates. A barrier that separates no
-    /// accesses that conflict is left out when the frame is submitted: whoever records a pass need not know what others recorded.
+    /// Makes what follows wait for all that came before, and see it. `why` says what the barrier separates.
+    /// It is left out if no accesses conflict across it, so a pass need not know what others recorded.
     pub fn barrier(&mut self, why: &str) {
         self.commands.push(Command::Barrier(why.to_owned()));
     }
@@ -310,10 +306,10 @@ impl Frame {
         self.record(Action::Fill { buffer: buffer.clone(), value });
     }
 
-    /// Writes `data` to a buffer, from `offset` bytes on. The data is copied here, so it need not outlive the call.
+    /// Writes `data` to a buffer from `offset` bytes on. The data is copied and need not outlive the call.
     ///
     /// # Errors
-    /// Fails with [`Error::Internal`] if it does not fit.
+    /// Fails with [`Error::Internal`] if the data does not fit.
     pub fn write_buffer<T: Pod>(&mut self, buffer: &Buffer, offset: u64, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len() as u64;
@@ -330,11 +326,10 @@ impl Frame {
         Ok(())
     }
 
-    /// Writes one layer of one level: tightly packed rows in the image's format.
+    /// Writes one layer of one level. The data are tightly packed rows in the image's format.
     ///
     /// # Errors
-    /// Fails with [`Error::Internal`] if the data has another size than the level, or there is no such layer
-    /// or level.
+    /// Fails with [`Error::Internal`] if there is no such layer or level, or if the data has another size.
     pub fn write_image<T: Pod>(&mut self, image: &Image, layer: u32, level: u32, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         transfer::region(image, layer, level).map(drop)?;
@@ -373,12 +368,12 @@ impl Frame {
         Ok(())
     }
 
-    /// Hands what was recorded over to the device; the ticket gives the timings. Barriers that separate nothing are left out.
+    /// Submits the frame to the device. The ticket gives its timings.
     ///
     /// # Errors
-    /// Fails with [`Error::Internal`] if a barrier is missing, with nothing submitted, or with
-    /// [`Error::Interrupted`] if [`Pieces::stop`] was called, or with [`Error::Vulkan`] if the device does
-    /// not take it.
+    /// Fails with [`Error::Internal`] if a barrier is missing, and submits nothing then. Fails with
+    /// [`Error::Interrupted`] if [`Pieces::stop`] was called, and with [`Error::Vulkan`] if the device
+    /// refuses the frame.
     pub fn submit(self) -> Result<Ticket> {
         let commands = needed(self.commands, &self.options)?;
         match &self.options.pieces {
@@ -390,7 +385,7 @@ impl Frame {
         }
     }
 
-    /// Submits what was recorded and waits until it has run.
+    /// Submits the frame and waits until it has run.
     ///
     /// # Errors
     /// Fails as [`Frame::submit`] and [`Ticket::wait`] do.
@@ -446,7 +441,8 @@ fn track(commands: &[Command]) -> Tracker {
     tracker
 }
 
-/// Every dispatch and transfer apart, and large dispatches cut. The beginning of a submission is a barrier too.
+/// Makes each dispatch and transfer a piece, and cuts large dispatches. Every submission begins with a
+/// barrier.
 fn cut(commands: Vec<Command>) -> Vec<Vec<Command>> {
     let mut pieces = Vec::new();
     for command in commands {
@@ -470,7 +466,7 @@ fn cut(commands: Vec<Command>) -> Vec<Vec<Command>> {
     pieces
 }
 
-/// The bindings in the order of the pass's slots, each checked.
+/// Sorts the bindings into the order of the pass's slots, and checks each.
 fn order(pass: &Pass, binds: &[(&str, Bind)], gpu: &Gpu) -> std::result::Result<Vec<Bind>, String> {
     let slots = &pass.0.slots;
     for (i, (name, _)) in binds.iter().enumerate() {
@@ -501,23 +497,23 @@ fn fits(slot: &Binding, bind: &Bind, gpu: &Gpu) -> std::result::Result<(), Strin
         (Kind::UniformBuffer, Bind::Buffer(buffer)) => {
             let most = u64::from(gpu.0.limits.max_uniform_buffer_range);
             if buffer.bytes() > most {
-                return Err(format!("{name} is a uniform block of at most {most} bytes, {buffer:?} is larger"));
+                return Err(format!("{name} is a uniform block of at most {most} bytes, but {buffer:?} is larger"));
             }
             Ok(())
         }
         (Kind::StorageImage { array, .. } | Kind::Sampled { array, .. }, Bind::Image(image, level)) => {
             if !array && image.layers() > 1 {
-                return Err(format!("{name} has no layers in GLSL, {image:?} has"));
+                return Err(format!("{name} has no layers in GLSL, but {image:?} has some"));
             }
             if level.is_some_and(|level| level >= image.levels()) {
                 return Err(format!("{name}: {image:?} has no such level"));
             }
             match slot.kind {
                 Kind::StorageImage { format, .. } if format != image.format() => {
-                    Err(format!("{name} is {format:?} in GLSL, {image:?} is not"))
+                    Err(format!("{name} is {format:?} in GLSL, but {image:?} is not"))
                 }
                 Kind::Sampled { integer, .. } if integer != image.format().is_integer() => {
-                    Err(format!("{name} and {image:?} are not both of integers or both of floats"))
+                    Err(format!("one of {name} and {image:?} holds integers, the other floats"))
                 }
                 _ => Ok(()),
             }

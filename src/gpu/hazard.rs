@@ -1,16 +1,15 @@
-//! Finds missing and needless barriers from declared accesses alone, with no GPU. The validation layer stays the second
-//! opinion; it is silent about write-after-write between dispatches, which this is not.
+//! Finds missing and needless barriers from declared accesses alone, without a GPU. The validation layer
+//! remains a second opinion. It does not report two dispatches that write the same place; this does.
 
 use std::{collections::HashMap, fmt};
 
-/// What a pass or transfer does with a resource it is given.
+/// How a pass or transfer accesses a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Only reads.
     Read,
-    /// Only writes; what was there before is lost.
+    /// Only writes. What was there before is lost.
     Write,
-    /// Reads and writes, in place.
+    /// Reads and writes in place.
     ReadWrite,
 }
 
@@ -23,20 +22,20 @@ impl Access {
 /// A buffer, or one mip level of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Resource {
-    /// Which buffer or image; unique within a device.
+    /// The number of the buffer or image, unique within a device.
     pub id: u64,
-    /// The mip level; 0 for buffers.
+    /// The mip level, 0 for buffers.
     pub level: u32,
 }
 
-/// Two accesses that no barrier separates although one of them writes.
+/// Two accesses of one resource, at least one of which writes, without a barrier between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hazard {
     /// `"read after write"`, `"write after read"`, `"write after write"` or `"bound twice"`.
     pub kind: &'static str,
-    /// The pass or transfer recorded first.
+    /// The pass or transfer that was recorded first.
     pub first: String,
-    /// The one recorded later.
+    /// The pass or transfer that was recorded later.
     pub second: String,
     /// The name of the buffer or image.
     pub resource: String,
@@ -54,7 +53,7 @@ impl fmt::Display for Hazard {
 
 const BOUND_TWICE: &str = "bound twice";
 
-/// What happened to one resource: the last writer and the last reader, as recorded indices.
+/// The last writer and the last reader of a resource, as indices of recorded entries.
 #[derive(Clone, Copy, Default)]
 struct Uses {
     writer: Option<usize>,
@@ -62,7 +61,7 @@ struct Uses {
 }
 
 impl Uses {
-    /// What an access conflicts with: the kind of hazard, and who came first.
+    /// Finds the kind of hazard that an access causes, and the earlier entry that it conflicts with.
     fn conflict(&self, access: Access) -> Option<(&'static str, usize)> {
         match (access.writes(), self.writer, self.reader) {
             (false, Some(writer), _) => Some(("read after write", writer)),
@@ -83,22 +82,22 @@ impl Uses {
     }
 }
 
-/// Collects accesses in recording order. It finds the barriers that are needed among those that were asked for, and the hazards
+/// Collects accesses in recording order. Finds which of the requested barriers are needed, and the hazards
 /// that none of them prevents.
 #[derive(Default)]
 pub struct Tracker {
     entries: Vec<String>,
-    /// Since the last barrier that is needed, up to the last that was asked for.
+    /// Accesses after the last needed barrier and before the last requested one.
     before: HashMap<Resource, Uses>,
-    /// Since the last barrier that was asked for.
+    /// Accesses after the last requested barrier.
     since: HashMap<Resource, Uses>,
-    /// Of each barrier that was asked for, whether it is needed.
+    /// For each requested barrier, whether it is needed.
     needed: Vec<bool>,
     hazards: Vec<Hazard>,
 }
 
 impl Tracker {
-    /// A pass or transfer called `name` that accesses these resources; the text is the resource's name.
+    /// Records a pass or transfer called `name` that accesses these resources, each given with its name.
     pub fn entry(&mut self, name: &str, accesses: &[(Resource, &str, Access)]) {
         let now = self.entries.len();
         self.entries.push(name.to_owned());
@@ -113,7 +112,7 @@ impl Tracker {
                 });
             }
             uses.note(access, now);
-            // The last barrier that was asked for separates this from all that came before it.
+            // The last requested barrier separates this access from all that came before it.
             if self.before.get(&resource).is_some_and(|uses| uses.conflict(access).is_some()) {
                 self.before.clear();
                 if let Some(last) = self.needed.last_mut() {
@@ -123,7 +122,7 @@ impl Tracker {
         }
     }
 
-    /// A barrier that separates all before it from all after it is asked for.
+    /// Requests a barrier that separates all before it from all after it.
     pub fn barrier(&mut self) {
         self.needed.push(false);
         for (resource, uses) in self.since.drain() {
@@ -137,7 +136,7 @@ impl Tracker {
         &self.hazards
     }
 
-    /// Of each barrier that was asked for, whether anything after it needs it.
+    /// For each requested barrier, whether anything after it needs it.
     pub fn needed(&self) -> &[bool] {
         &self.needed
     }
@@ -222,7 +221,8 @@ mod tests {
         assert_eq!(found, ["read after write", "write after write"]);
     }
 
-    /// Which barriers of a recording are needed: a letter is a pass that writes it, or in lower case reads it; `|` is a barrier.
+    /// Says which barriers (`|`) of a recording are needed. A capital letter is a pass that writes
+    /// the resource of that letter, and a small one is a pass that reads it.
     fn needed(recording: &str) -> Vec<bool> {
         let mut tracker = Tracker::default();
         for c in recording.chars() {

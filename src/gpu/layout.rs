@@ -1,16 +1,15 @@
-//! Structs shared with GLSL under scalar block layout: declared once in Rust, checked against the SPIR-V when a
-//! pipeline is made.
+//! Structs shared with GLSL under scalar block layout. Rust declares each once, and it is checked against the
+//! SPIR-V when a pipeline is made.
 
-/// Field names (as in GLSL) and their byte offsets.
+/// The fields of a struct, by their GLSL names, with byte offsets.
 pub type Fields = &'static [(&'static str, usize)];
 
-/// A struct whose bytes a shader reads: its size and the byte offset of each field, by name.
+/// A struct whose bytes a shader reads.
 pub trait GpuStruct: bytemuck::Pod {
-    /// Field names (as in GLSL) and their byte offsets.
+    /// The fields by their GLSL names, with byte offsets.
     const FIELDS: Fields;
 }
 
-/// No push constants.
 impl GpuStruct for () {
     const FIELDS: Fields = &[];
 }
@@ -18,9 +17,9 @@ impl GpuStruct for () {
 /// Size and fields of a push constant block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PushLayout {
-    /// Bytes.
+    /// The block's size in bytes.
     pub size: usize,
-    /// Its members.
+    /// The block's members.
     pub fields: Fields,
 }
 
@@ -31,7 +30,7 @@ impl PushLayout {
     }
 }
 
-/// A struct used in buffers: its name in GLSL, its size in bytes, its fields.
+/// A struct used in buffers: its GLSL name, its size in bytes, and its fields.
 pub type StructLayout = (&'static str, usize, Fields);
 
 /// The [`StructLayout`] of `T`, which GLSL calls `name`.

@@ -64,7 +64,7 @@ impl Format {
     }
 }
 
-/// Storage, uniform or indirect data on the device. A clone is the same buffer; the last one frees it.
+/// A buffer for storage, uniform or indirect data on the device. A clone is the same buffer.
 #[derive(Clone)]
 pub struct Buffer(Arc<BufferData>);
 
@@ -83,7 +83,7 @@ impl Buffer {
         &self.0.name
     }
 
-    /// Its size.
+    /// The size in bytes.
     pub fn bytes(&self) -> u64 {
         self.0.bytes
     }
@@ -106,7 +106,7 @@ impl fmt::Debug for Buffer {
 impl Drop for BufferData {
     fn drop(&mut self) {
         let shared = &self.gpu.0;
-        // SAFETY: frames that use the buffer hold it; the last holder is gone.
+        // SAFETY: frames that use the buffer hold it, and the last holder is gone.
         unsafe { shared.device.destroy_buffer(self.handle, None) };
         if let Some(allocation) = self.allocation.take() {
             shared.live_bytes.fetch_sub(allocation.size(), Ordering::Relaxed);
@@ -123,7 +123,7 @@ struct ImageData {
     gpu: Gpu,
     handle: vk::Image,
     allocation: Option<memory::Allocation>,
-    /// As (level, as an array) → view; level `levels` stands for all of them.
+    /// A plain view and a view as an array, for each level. Index `levels` holds the views of all levels.
     views: Vec<[vk::ImageView; 2]>,
     name: String,
     size: [u32; 2],
@@ -149,27 +149,26 @@ impl Image {
         self.0.size.map(|n| n.checked_shr(level).unwrap_or(0).max(1))
     }
 
-    /// Array layers.
+    /// The number of array layers.
     pub fn layers(&self) -> u32 {
         self.0.layers
     }
 
-    /// Mip levels.
+    /// The number of mip levels.
     pub fn levels(&self) -> u32 {
         self.0.levels
     }
 
-    /// Its format.
     pub fn format(&self) -> Format {
         self.0.format
     }
 
-    /// Whether both are the same image.
+    /// Whether both handles are of one image.
     pub fn same(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }
 
-    /// Whether anyone else holds it.
+    /// Whether there is another handle of this image.
     pub fn is_shared(&self) -> bool {
         Arc::strong_count(&self.0) > 1
     }
@@ -182,12 +181,11 @@ impl Image {
         self.0.id
     }
 
-    /// The view of one level, or of all; null where a plain view is asked of an image with layers.
+    /// The view of one level, or of all for `None`. It is null for a plain view of an image with layers.
     pub(super) fn view(&self, level: Option<u32>, array: bool) -> vk::ImageView {
         self.0.views[level.unwrap_or(self.0.levels) as usize][usize::from(array)]
     }
 
-    /// All layers of one level.
     pub(super) fn layers_of(&self, level: u32) -> vk::ImageSubresourceLayers {
         let aspect = vk::ImageAspectFlags::COLOR;
         vk::ImageSubresourceLayers::default().aspect_mask(aspect).mip_level(level).layer_count(self.0.layers)
@@ -209,7 +207,7 @@ impl fmt::Debug for Image {
 impl Drop for ImageData {
     fn drop(&mut self) {
         let shared = &self.gpu.0;
-        // SAFETY: frames that use the image hold it; the last holder is gone. Null views are ignored.
+        // SAFETY: frames that use the image hold it, and the last holder is gone. Null views are ignored.
         unsafe {
             for view in self.views.iter().flatten() {
                 shared.device.destroy_image_view(*view, None);
@@ -223,7 +221,7 @@ impl Drop for ImageData {
     }
 }
 
-/// A bound buffer, labelled.
+/// Creates a labelled buffer and binds memory to it.
 pub(super) fn raw_buffer(
     shared: &Shared,
     name: &str,
@@ -232,7 +230,7 @@ pub(super) fn raw_buffer(
     location: MemoryLocation,
 ) -> Result<(vk::Buffer, memory::Allocation)> {
     let info = vk::BufferCreateInfo::default().size(bytes).usage(usage).sharing_mode(vk::SharingMode::EXCLUSIVE);
-    // SAFETY: the size is within the limits; on failure the buffer is destroyed.
+    // SAFETY: the size is within the limits. On failure the buffer is destroyed.
     unsafe {
         let handle = shared.device.create_buffer(&info, None).map_err(during(format!("vkCreateBuffer for {name}")))?;
         let desc = memory::AllocationCreateDesc {
@@ -265,11 +263,11 @@ pub(super) fn raw_buffer(
 }
 
 impl Gpu {
-    /// A zeroed buffer for storage, uniform, indirect and transfer use. Sizes are rounded up to a multiple of 4, and
-    /// 0 to 16, so that what is empty can be bound.
+    /// Makes a zeroed buffer for storage, uniform, indirect and transfer use. Sizes are rounded up to a
+    /// multiple of 4. A size of 0 becomes 16, so that an empty buffer can be bound.
     ///
     /// # Errors
-    /// Fails with [`Error::Input`] if it exceeds the device's limits or memory.
+    /// Fails with [`Error::Input`] if the size exceeds the device's limits or memory.
     pub fn buffer(&self, name: &str, bytes: u64) -> Result<Buffer> {
         let shared = &self.0;
         let bytes = if bytes == 0 { 16 } else { bytes.next_multiple_of(4) };
@@ -304,7 +302,7 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A buffer that holds `data`.
+    /// Makes a buffer that holds `data`.
     ///
     /// # Errors
     /// Fails as [`Gpu::buffer`] does.
@@ -314,18 +312,18 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A zeroed image for storage, sampling and transfer.
+    /// Makes a zeroed image for storage, sampling and transfer.
     ///
     /// # Errors
-    /// Fails with [`Error::Input`] if it exceeds the device's limits or memory, or the device cannot store
-    /// that format.
+    /// Fails with [`Error::Input`] if the image exceeds the device's limits or memory, or if the device
+    /// cannot store this format.
     pub fn image(&self, name: &str, size: [u32; 2], layers: u32, levels: u32, format: Format) -> Result<Image> {
         let shared = &self.0;
         let [width, height] = size;
         let (limit, most_layers) = (shared.limits.max_image_dimension2_d, shared.limits.max_image_array_layers);
         let refuse = |problem: String| Err(Error::input(name, problem, "use another size or another device"));
         if width == 0 || height == 0 || layers == 0 || levels == 0 || levels > 32 - width.max(height).leading_zeros() {
-            return refuse(format!("{width}x{height} with {layers} layers and {levels} levels is no image"));
+            return refuse(format!("no image can be {width}x{height} with {layers} layers and {levels} levels"));
         }
         if width > limit || height > limit || layers > most_layers {
             return refuse(format!(
@@ -354,7 +352,7 @@ impl Gpu {
         // SAFETY: the create info is within the limits checked above.
         let handle =
             unsafe { shared.device.create_image(&info, None) }.map_err(during(format!("vkCreateImage for {name}")))?;
-        // From here on dropping `data` frees whatever has been made.
+        // From here on, dropping `data` frees what has been made.
         let mut data = ImageData {
             gpu: self.clone(),
             handle,
@@ -379,7 +377,7 @@ impl Gpu {
         let allocation = shared.allocate(&desc)?;
         shared.live_bytes.fetch_add(allocation.size(), Ordering::Relaxed);
         let allocation = data.allocation.insert(allocation);
-        // SAFETY: the memory fits the image's requirements and is not bound to anything else.
+        // SAFETY: the memory fits the image's requirements and is bound to nothing else.
         unsafe { shared.device.bind_image_memory(handle, allocation.memory(), allocation.offset()) }
             .map_err(during(format!("vkBindImageMemory for {name}")))?;
         for level in 0..=levels {
@@ -401,7 +399,7 @@ impl Gpu {
     }
 }
 
-/// Level `image.levels` stands for all of them.
+/// Makes the view of a level, or of all levels if `level` is the image's number of levels.
 fn view(shared: &Shared, image: &ImageData, level: u32, array: bool) -> Result<vk::ImageView> {
     let (base, count) = if level == image.levels { (0, image.levels) } else { (level, 1) };
     let info = vk::ImageViewCreateInfo::default()
@@ -415,7 +413,7 @@ fn view(shared: &Shared, image: &ImageData, level: u32, array: bool) -> Result<v
                 .level_count(count)
                 .layer_count(image.layers),
         );
-    // SAFETY: the image is alive and bound, the range within it.
+    // SAFETY: the image is alive and bound, and the range is within it.
     let view = unsafe { shared.device.create_image_view(&info, None) }
         .map_err(during(format!("vkCreateImageView for {}", image.name)))?;
     shared.label(view, &image.name);

@@ -1,11 +1,11 @@
-//! Vulkan: device, memory, passes, timing. Knows nothing of panoramas.
+//! The Vulkan layer: device, memory, passes and timing. It knows nothing of panoramas.
 //!
-//! * [`Gpu`]: one device and one queue; hands out everything below and outlives it.
-//! * [`Buffer`], [`Image`]: memory on the device; images stay in the `GENERAL` layout.
-//! * [`Pass`]: one compute shader; its [`PassDeclaration`] is checked against the SPIR-V when it is made.
-//! * [`Frame`]: records dispatches, transfers and explicit barriers, finds those that are missing or needless, and submits.
-//! * [`Ticket`]: a frame that was submitted; waiting for it gives its [`Timings`].
-//! * `Screen`, with the feature `viewer`: a window that shows finished pictures, with panels over them.
+//! * [`Gpu`] is one device with one queue. It makes everything below and outlives it.
+//! * [`Buffer`] and [`Image`] are memory on the device. Images stay in the layout `GENERAL`.
+//! * [`Pass`] is one compute shader. Its [`PassDeclaration`] is checked against the SPIR-V when it is made.
+//! * [`Frame`] records dispatches, transfers and barriers, finds missing and needless barriers, and submits.
+//! * [`Ticket`] is a frame that was submitted. Waiting for it gives its [`Timings`].
+//! * `Screen` is a window that shows finished pictures with panels over them. It needs the feature `viewer`.
 
 pub mod adapter;
 mod device;

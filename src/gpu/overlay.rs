@@ -1,4 +1,4 @@
-//! What egui draws over a picture.
+//! Draws egui's panels over a picture.
 
 use std::collections::HashMap;
 
@@ -12,13 +12,12 @@ use egui_ash_renderer::{DynamicRendering, Options, RenderMode, Renderer, Rendere
 use super::device::{Gpu, during};
 use crate::{Error, Result};
 
-/// One frame of panels, ready to be drawn.
 pub struct Paint {
-    /// Changed textures. Every one that egui gave has to arrive here, in order.
+    /// Changed textures. Every change that egui reports must arrive here, in order.
     pub textures: TexturesDelta,
-    /// What to draw.
+    /// The shapes to draw.
     pub primitives: Vec<ClippedPrimitive>,
-    /// Pixels of the window for each point of egui's.
+    /// Pixels of the window in one of egui's points.
     pub pixels_per_point: f32,
 }
 
@@ -27,7 +26,7 @@ pub(super) struct Overlay {
     gpu: Gpu,
     renderer: Option<Renderer<egui_ash_renderer::allocator::DefaultAllocator>>,
     pool: vk::CommandPool,
-    /// All textures, whole: parts of one are put in here, as the drawing crate would lose the rest of it.
+    /// All textures, whole. The drawing crate would lose the rest of one that is updated in part.
     images: HashMap<TextureId, (ColorImage, TextureOptions)>,
 }
 
@@ -53,12 +52,12 @@ impl Overlay {
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
             .queue_family_index(shared.queue_family);
-        // SAFETY: a valid create info.
+        // SAFETY: the create info is valid.
         let pool = unsafe { shared.device.create_command_pool(&info, None) }.map_err(during("vkCreateCommandPool"))?;
         Ok(Self { gpu: gpu.clone(), renderer, pool, images: HashMap::new() })
     }
 
-    /// Takes changed textures over. Waits for the queue where there are any, which is when new letters are first used.
+    /// Takes over changed textures. Waits for the queue if there are any, as when new letters are first used.
     pub fn update(&mut self, textures: &mut TexturesDelta) -> Result<()> {
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
         for (id, deltas) in textures.set.drain() {
@@ -86,10 +85,10 @@ impl Overlay {
         Ok(())
     }
 
-    /// Records the drawing, inside of a rendering to the window's image.
+    /// Records the drawing within a rendering to the window's image.
     pub fn draw(&mut self, commands: vk::CommandBuffer, extent: vk::Extent2D, paint: &Paint) -> Result<()> {
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
-        // a clip rectangle that a shrinking window leaves outside would be no scissor
+        // a shrinking window can leave a clip rectangle outside, which would not be a valid scissor
         let [width, height] = [extent.width, extent.height].map(|n| n as f32 / paint.pixels_per_point);
         let inside = |p: &&ClippedPrimitive| {
             let clip = p.clip_rect;
@@ -123,7 +122,7 @@ fn paste(whole: &mut ColorImage, part: &ColorImage, [x, y]: [usize; 2]) {
 impl Drop for Overlay {
     fn drop(&mut self) {
         drop(self.renderer.take());
-        // SAFETY: who drops it has waited for what it drew.
+        // SAFETY: whoever drops this has waited for what it drew.
         unsafe { self.gpu.0.device.destroy_command_pool(self.pool, None) };
     }
 }

@@ -1,4 +1,4 @@
-//! One compute shader as a value: declaration, and the pipeline made from it.
+//! A compute shader as a value: its declaration, and the pipeline made from it.
 
 use std::{
     fmt,
@@ -16,23 +16,23 @@ use super::{
 };
 use crate::{Error, Result, shaders};
 
-/// A specialization constant by its GLSL name, and its value: floats and bools as their bits.
+/// A specialization constant: its GLSL name, and the bits of its value.
 pub type Constant = (&'static str, u32);
 
-/// What a pass is. Its bindings, and what it does with each, come from the shader; [`Gpu::pass`] checks the rest against it.
+/// What defines a pass. The shader says what it binds, and [`Gpu::pass`] checks the rest against it.
 #[derive(Clone, Copy, Debug)]
 pub struct PassDeclaration {
-    /// The shader's stem, and the pass's name in timings and labels.
+    /// The shader's stem, which also names the pass in timings and labels.
     pub name: &'static str,
     /// The shader.
     pub spirv: &'static [u32],
     /// Its push constant block.
     pub push: Option<PushLayout>,
-    /// Structs by GLSL name; those in its buffers must be among them.
+    /// Rust's structs by GLSL name. Every struct in the shader's buffers must be among them.
     pub structs: &'static [StructLayout],
 }
 
-/// A compute pipeline. A clone is the same pipeline; the last one frees it.
+/// A compute pipeline. A clone is the same pipeline, and the last one frees it.
 #[derive(Clone)]
 pub struct Pass(pub(super) Arc<PassData>);
 
@@ -47,7 +47,7 @@ pub(super) struct PassData {
     pub pipeline: vk::Pipeline,
 }
 
-/// What makes two pipelines the same: the shader, which is static, and specialization.
+/// What identifies a pipeline: its name, the address of its static SPIR-V, and its specialization.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub(super) struct PassKey {
     name: &'static str,
@@ -61,7 +61,7 @@ impl Pass {
         self.0.name
     }
 
-    /// What the shader binds, by GLSL name (a block's instance name).
+    /// What the shader binds, by GLSL name. A block goes by its instance name.
     pub fn bindings(&self) -> &[Binding] {
         &self.0.slots
     }
@@ -81,33 +81,33 @@ impl fmt::Debug for Pass {
 /// How a handle of the device makes passes.
 #[derive(Clone, Default)]
 pub(super) struct Making {
-    /// What the passes of these names do wrong on purpose.
+    /// The number of a planted fault, and the passes that have it.
     #[cfg(feature = "faults")]
     fault: Option<(u32, &'static [&'static str])>,
-    /// Where passes are kept alive.
+    /// Keeps passes alive that were made by this handle.
     kept: Option<Arc<Mutex<Vec<Pass>>>>,
 }
 
 impl Gpu {
-    /// A handle that keeps the passes it makes alive, so that the next of the same shader and constants is there at once. They live as
-    /// long as it and its clones do.
+    /// Returns a handle that keeps the passes it makes alive, so that an equal pass is not built again. They
+    /// live as long as the handle and its clones.
     pub fn keeping_passes(&self) -> Self {
         let mut making = self.1.clone();
         making.kept = Some(Arc::default());
         Self(self.0.clone(), making)
     }
 
-    /// A handle whose passes of these names have a planted fault, by its number in the shaders.
+    /// Returns a handle whose passes of these names have the planted fault of this number in the shaders.
     #[cfg(feature = "faults")]
     pub fn with_fault(&self, fault: u32, passes: &'static [&'static str]) -> Self {
         Self(self.0.clone(), Making { fault: Some((fault, passes)), ..self.1.clone() })
     }
 
-    /// Makes a pass, or finds it where it is alive.
+    /// Makes a pass, or returns the living one that is equal.
     ///
     /// # Errors
-    /// Fails with [`Error::Internal`] if the declaration and the SPIR-V disagree, or if the shader lacks
-    /// a constant, and with [`Error::Input`] if the workgroup exceeds the device's limits.
+    /// Fails with [`Error::Internal`] if the declaration and the SPIR-V disagree or the shader lacks a
+    /// constant, and with [`Error::Input`] if the workgroup exceeds the device's limits.
     pub fn pass(&self, declaration: &PassDeclaration, constants: &[Constant]) -> Result<Pass> {
         let fault = |problem: String| Error::Internal(format!("shader {}: {problem}", declaration.name));
         #[cfg(feature = "faults")]
@@ -123,7 +123,7 @@ impl Gpu {
         Ok(pass)
     }
 
-    /// A declaration with the fault that this handle plants, or as it is.
+    /// Returns the declaration with the fault that this handle plants, or unchanged.
     #[cfg(feature = "faults")]
     fn planted(&self, declaration: &PassDeclaration, constants: &[Constant]) -> (PassDeclaration, Vec<Constant>) {
         let (mut declaration, mut constants) = (*declaration, constants.to_vec());
@@ -168,9 +168,9 @@ impl Gpu {
         if let Some(alive) = lock(&self.0.passes).get(&key).and_then(Weak::upgrade) {
             return Ok(Pass(alive));
         }
-        // From here on dropping `data` frees whatever has been made.
+        // From here on, dropping `data` frees what has been made.
         let mut data = PassData {
-            gpu: Self(self.0.clone(), Making::default()), // a pass that is kept must not keep its keeper
+            gpu: Self(self.0.clone(), Making::default()), // a pass that is kept must not keep its keeper alive
             name,
             slots,
             push: declaration.push,
@@ -212,7 +212,7 @@ impl PassData {
             .collect();
         let values: Vec<u32> = specialization.iter().map(|&(_, value)| value).collect();
         let constants = vk::SpecializationInfo::default().map_entries(&map).data(bytemuck::cast_slice(&values));
-        // SAFETY: the SPIR-V was read and matches the layouts made from it.
+        // SAFETY: the SPIR-V was parsed, and the layouts are made from it.
         unsafe {
             self.set_layout = device
                 .create_descriptor_set_layout(&vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings), None)
@@ -238,7 +238,7 @@ impl PassData {
                 .name(c"main")
                 .specialization_info(&constants);
             let info = vk::ComputePipelineCreateInfo::default()
-                .flags(vk::PipelineCreateFlags::DISPATCH_BASE) // large dispatches are cut where others wait for the queue
+                .flags(vk::PipelineCreateFlags::DISPATCH_BASE) // frames in pieces cut large dispatches
                 .stage(stage)
                 .layout(self.layout);
             let made = device.create_compute_pipelines(shared.pipeline_cache.handle(), &[info], None);
@@ -256,7 +256,7 @@ impl PassData {
 impl Drop for PassData {
     fn drop(&mut self) {
         let device = &self.gpu.0.device;
-        // SAFETY: frames that use the pass hold it; the last holder is gone. Null handles are ignored.
+        // SAFETY: frames that use the pass hold it, and the last holder is gone. Null handles are ignored.
         unsafe {
             device.destroy_pipeline(self.pipeline, None);
             device.destroy_pipeline_layout(self.layout, None);

@@ -1,7 +1,7 @@
-//! Compiled pipelines, kept on disk: a driver that has seen a shader before need not compile it again.
+//! Keeps compiled pipelines on disk, so that a driver need not compile a shader again.
 //!
-//! Vulkan asks a program to trust no file here: drivers may crash on data that is not theirs. So a file is used only where its
-//! check sum is right and its header names this device and this driver; any other one is ignored, and replaced at the end.
+//! Drivers may crash on cache data that is not theirs. So a file is used only if its check sum is right and
+//! its header names this device and driver. Any other file is ignored, and replaced when the cache is closed.
 
 use std::{
     fs,
@@ -14,22 +14,22 @@ use ash::vk;
 use super::device::during;
 use crate::Result;
 
-/// Caches larger than this are not kept: they hold shaders of many versions.
+/// Larger caches are not kept. They hold many versions of the shaders.
 const LARGEST: usize = 64 << 20;
 /// Bytes of the check sum before the driver's own data.
 const CHECK: usize = blake3::OUT_LEN;
-/// Bytes of Vulkan's header: its length, its version, vendor, device, and the driver's identifier (`VkPipelineCacheHeaderVersionOne`).
+/// Bytes of `VkPipelineCacheHeaderVersionOne`: length, version, vendor, device, and the driver's identifier.
 const HEADER: usize = 16 + vk::UUID_SIZE;
 
 pub(super) struct PipelineCache {
     handle: vk::PipelineCache,
     file: Option<PathBuf>,
-    /// What was read from the file.
+    /// What the file held, to tell whether there is anything new.
     loaded: Vec<u8>,
 }
 
 impl PipelineCache {
-    /// Takes what the file in `folder` holds for this device and driver. Without a folder, pipelines are shared within the process alone.
+    /// Loads the file in `folder` of this device and driver. Without a folder, nothing is kept on disk.
     pub(super) fn open(
         device: &ash::Device,
         properties: &vk::PhysicalDeviceProperties,
@@ -39,7 +39,7 @@ impl PipelineCache {
         let name = blake3::hash(&[&header[..], &properties.driver_version.to_le_bytes()].concat()).to_hex();
         let file = folder.map(|folder| folder.join(format!("{}.bin", &name[..16])));
         let loaded = file.as_deref().map_or(Vec::new(), |file| load(file, &header));
-        // SAFETY: the data is empty, or came from this driver and is as it was written.
+        // SAFETY: the data is empty, or this driver wrote it and it is undamaged.
         let handle = unsafe {
             let info = vk::PipelineCacheCreateInfo::default().initial_data(&loaded);
             device.create_pipeline_cache(&info, None).map_err(during("vkCreatePipelineCache"))?
@@ -51,7 +51,7 @@ impl PipelineCache {
         self.handle
     }
 
-    /// Writes the file where there is something new, and destroys the cache.
+    /// Writes the file if there is something new, and destroys the cache.
     ///
     /// # Safety
     /// The device is alive, and nobody makes pipelines any more.
@@ -70,7 +70,7 @@ impl PipelineCache {
     }
 }
 
-/// What a cache of this device and driver begins with.
+/// The header of a cache of this device and driver.
 fn header(properties: &vk::PhysicalDeviceProperties) -> [u8; HEADER] {
     let words = [
         HEADER as u32,
@@ -85,7 +85,7 @@ fn header(properties: &vk::PhysicalDeviceProperties) -> [u8; HEADER] {
     header
 }
 
-/// The driver's data; empty where there is no file, or it is damaged, or of another device.
+/// Returns the driver's data, or nothing if the file is missing, damaged or of another device.
 fn load(file: &Path, header: &[u8]) -> Vec<u8> {
     let Ok(content) = fs::read(file) else { return Vec::new() };
     let data = content.split_at_checked(CHECK).filter(|(check, data)| {
@@ -100,7 +100,7 @@ fn load(file: &Path, header: &[u8]) -> Vec<u8> {
     }
 }
 
-/// Appears whole or not at all.
+/// Writes the file so that it appears whole or not at all.
 fn store(file: &Path, data: &[u8]) -> std::io::Result<()> {
     let folder = file.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;

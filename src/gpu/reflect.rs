@@ -1,4 +1,4 @@
-//! What a shader's SPIR-V says of it, and whether a pass's declaration agrees, so that Rust and GLSL cannot drift apart.
+//! Reads what a shader binds from its SPIR-V. Checks a declaration against it, so that Rust and GLSL agree.
 
 use std::collections::{HashMap, HashSet};
 
@@ -19,14 +19,14 @@ use crate::{Error, Result};
 
 type Checked<T> = std::result::Result<T, String>;
 
-/// What the shader takes at one binding.
+/// The kind of resource at a binding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// A storage buffer.
     StorageBuffer,
     /// A uniform buffer.
     UniformBuffer,
-    /// An image that is loaded from or stored to; `array`: with layers.
+    /// An image that is loaded from or stored to. `array` means that it has layers.
     StorageImage { format: Format, array: bool },
     /// An image that is sampled.
     Sampled { array: bool, integer: bool },
@@ -46,33 +46,32 @@ impl Kind {
 /// One binding of a shader, in set 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Binding {
-    /// Its GLSL name; a block's instance name.
+    /// Its GLSL name. A block goes by its instance name.
     pub name: String,
-    /// Its number.
+    /// The binding's number.
     pub number: u32,
-    /// What the shader does with it, by `readonly` and `writeonly`.
+    /// How the shader accesses it, from `readonly` and `writeonly`.
     pub access: Access,
-    /// What it takes.
+    /// The kind of resource that it takes.
     pub kind: Kind,
 }
 
-/// What a shader binds, by the variables that its functions touch.
+/// Lists the bindings that a shader's functions use.
 ///
 /// # Errors
-/// Fails if the SPIR-V cannot be read, or binds something of a kind that nothing here uses.
+/// Fails if the SPIR-V cannot be read or binds something of an unknown kind.
 pub fn bindings(spirv: &[u32]) -> Result<Vec<Binding>> {
     let found = parse(spirv).and_then(|instructions| Shader::new(&instructions).bindings());
     found.map_err(|problem| Error::Internal(format!("a shader: {problem}")))
 }
 
-/// Reads SPIR-V.
 pub(super) fn parse(spirv: &[u32]) -> Checked<Vec<Instruction>> {
     let mut module = Instructions::default();
     parse_words(spirv, &mut module).map_err(|error| format!("its SPIR-V cannot be read: {error}"))?;
     Ok(module.0)
 }
 
-/// The instructions of a module, as they come: rspirv's own loader stumbles over `OpExecutionModeId`.
+/// The instructions of a module in their order. rspirv's own loader fails on `OpExecutionModeId`.
 #[derive(Default)]
 struct Instructions(Vec<Instruction>);
 
@@ -100,19 +99,19 @@ impl Consumer for Instructions {
 struct Variable {
     id: u32,
     class: StorageClass,
-    /// What it points to.
+    /// The type that it points to.
     ty: u32,
 }
 
-/// What is decorated: an id, or one of its members.
+/// What a decoration is on: an id, or one of its members.
 type Decorated = (u32, Option<u32>);
 
-/// A SPIR-V module, indexed by what is asked of it.
+/// A SPIR-V module, indexed for the questions below.
 pub(super) struct Shader<'a> {
     globals: HashMap<u32, &'a Instruction>,
     names: HashMap<u32, &'a str>,
     member_names: HashMap<(u32, u32), &'a str>,
-    /// Each with its first number, or 0.
+    /// Each decoration with its first operand, or with 0 if it has none.
     decorations: HashMap<Decorated, Vec<(Decoration, u32)>>,
     local_size: Option<&'a [Operand]>,
     variables: Vec<Variable>,
@@ -185,7 +184,7 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// What it binds. Names and numbers are unique.
+    /// Lists the bindings, and checks that names and numbers are unique.
     pub(super) fn bindings(&self) -> Checked<Vec<Binding>> {
         let mut all: Vec<Binding> = Vec::new();
         for variable in self.resources() {
@@ -206,7 +205,7 @@ impl<'a> Shader<'a> {
         Ok(all)
     }
 
-    /// Compares push constants and the structs in buffers with what Rust has.
+    /// Compares push constants and the structs in buffers with their Rust declarations.
     pub(super) fn check(&self, declaration: &PassDeclaration) -> Checked<()> {
         let block = self.variables.iter().find(|v| v.class == StorageClass::PushConstant);
         match (block, &declaration.push) {
@@ -224,7 +223,7 @@ impl<'a> Shader<'a> {
             self.visit_structs(variable.ty, None, &mut |block, stride| {
                 let name = self.names.get(&block).copied().unwrap_or("without a name");
                 let Some(&(_, size, fields)) = declaration.structs.iter().find(|(known, ..)| *known == name) else {
-                    // a block is described by its members; other structs have a twin in Rust
+                    // a block is described by its members, but other structs have a twin in Rust
                     let is_block = block == variable.ty;
                     return if is_block {
                         Ok(())
@@ -249,7 +248,7 @@ impl<'a> Shader<'a> {
         named.find_map(|(id, _)| self.decoration(*id, None, Decoration::SpecId))
     }
 
-    /// Values of specialization constants by id.
+    /// The values of specialization constants, by id.
     pub(super) fn specialization(&self, constants: &[Constant]) -> Checked<Vec<(u32, u32)>> {
         let value = |&(name, value): &Constant| {
             let id = self.constant(name).ok_or_else(|| format!("it has no specialization constant {name}"))?;
@@ -258,7 +257,7 @@ impl<'a> Shader<'a> {
         constants.iter().map(value).collect()
     }
 
-    /// Variables bound by descriptors.
+    /// Variables that are bound by descriptors.
     fn resources(&self) -> impl Iterator<Item = Variable> {
         let classes = [StorageClass::StorageBuffer, StorageClass::Uniform, StorageClass::UniformConstant];
         self.variables.iter().copied().filter(move |v| classes.contains(&v.class))
@@ -280,7 +279,7 @@ impl<'a> Shader<'a> {
         self.decorations.get(&(id, member))?.iter().find(|(d, _)| *d == wanted).map(|(_, value)| *value)
     }
 
-    /// Whether a variable, or every member of its block, is decorated so.
+    /// Whether a variable, or every member of its block, has this decoration.
     fn restricted(&self, variable: Variable, by: Decoration) -> bool {
         let members = match (self.opcode(variable.ty), self.globals.get(&variable.ty)) {
             (Op::TypeStruct, Some(block)) => block.operands.len() as u32,
@@ -331,14 +330,14 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Whether a 2D image has layers; `None` for images of other kinds.
+    /// Whether a 2D image has layers. `None` for images of other kinds.
     fn flat_image(&self, ty: u32) -> Option<bool> {
         let multisampled = number(self.operand(ty, 4))?;
         let flat = matches!(self.operand(ty, 1), Some(Operand::Dim(Dim::Dim2D))) && multisampled == 0;
         flat.then_some(number(self.operand(ty, 3))? == 1)
     }
 
-    /// Compares a GLSL struct with a Rust one: names, offsets and sizes of its members.
+    /// Compares the names, offsets and sizes of a GLSL struct's members with those in Rust.
     fn check_fields(&self, what: &str, block: u32, size: usize, fields: Fields) -> Checked<()> {
         let members = self.globals.get(&block).map_or(&[][..], |block| &block.operands);
         if members.len() != fields.len() {
@@ -354,7 +353,7 @@ impl<'a> Shader<'a> {
                 let there = there.map_or("unknown".to_owned(), |o| o.to_string());
                 return Err(format!("{what}: offset of {name} is {there} in GLSL and {offset} in Rust"));
             }
-            // Plain-data structs have no padding: a field ends where the next begins.
+            // Plain-data structs have no padding, so a field ends where the next one begins.
             let rust = fields.get(i as usize + 1).map_or(size, |next| next.1).checked_sub(offset);
             let glsl =
                 id(Some(ty)).and_then(|ty| self.bytes(ty, self.decoration(block, Some(i), Decoration::MatrixStride)));
@@ -367,7 +366,7 @@ impl<'a> Shader<'a> {
         Ok(())
     }
 
-    /// Bytes of a value in a buffer, where that is known; `matrix_stride` is its member's.
+    /// The bytes of a value in a buffer, if they are known. `matrix_stride` is that of its member.
     fn bytes(&self, ty: u32, matrix_stride: Option<u32>) -> Option<usize> {
         let count = number(self.operand(ty, 1));
         match self.opcode(ty) {
@@ -391,7 +390,7 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Calls `visit` for every struct within `ty`, with the stride of the array it is an element of.
+    /// Calls `visit` for every struct within `ty`, with the stride of the array that holds it.
     fn visit_structs(
         &self,
         ty: u32,

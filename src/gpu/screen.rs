@@ -1,5 +1,5 @@
-//! A window's frames: finished pictures copied to it, panels drawn over them, presented. Two frames are in flight; the fences of
-//! frames, never the whole device, are waited for.
+//! Shows frames in a window: copies finished pictures to it, draws panels over them, and presents. Two frames
+//! are in flight. Drawing waits for the fences of frames, never for the whole device.
 
 use std::sync::Arc;
 
@@ -19,35 +19,34 @@ use crate::{Error, Result};
 const IN_FLIGHT: usize = 2;
 
 impl Gpu {
-    /// Opens a device that can show its pictures in windows on `display`.
+    /// Opens a device that can show pictures in windows on `display`.
     ///
     /// # Errors
-    /// Fails as [`Gpu::new`] does, and with [`Error::NoDevice`] if the device cannot draw or present.
+    /// Fails as [`Gpu::new`] does, or with [`Error::NoDevice`] if the device cannot draw or present.
     pub fn for_windows(options: &GpuOptions, display: RawDisplayHandle) -> Result<Self> {
         let extensions = ash_window::enumerate_required_extensions(display).map_err(no_instance)?;
         Self::open(options, Some(extensions))
     }
 }
 
-/// A part of a picture and where it goes in the window, scaled; both as left, top, right, bottom in pixels.
+/// A part of a picture and the place in the window to which it is scaled: left, top, right, bottom in pixels.
 #[derive(Clone)]
 pub struct Blit {
-    /// A finished picture of format [`Format::Rgba8`]; nothing may write it until the frame is over.
+    /// A finished picture of format [`Format::Rgba8`]. Nothing may write it until the frame is over.
     pub image: Image,
-    /// The part.
+    /// The part of the picture.
     pub from: [f32; 4],
-    /// Its place; what lies outside of the window is left out.
+    /// The place in the window. What lies outside the window is left out.
     pub to: [f32; 4],
-    /// Interpolate between texels.
+    /// Whether to interpolate between texels.
     pub smooth: bool,
 }
 
-/// Whether a frame reached the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
-    /// It did.
+    /// It reached the window.
     Yes,
-    /// The window has no area, is hidden or has just changed; try again.
+    /// The window has no area, is hidden or has just changed. Try again.
     NotNow,
 }
 
@@ -64,11 +63,11 @@ pub struct Screen {
     swapchain: Option<Swapchain>,
     surface: Option<Surface>,
     made_for: [u32; 2],
-    /// How often images were made anew.
+    /// How often a swapchain was made.
     pub swapchains: u64,
 }
 
-/// What a frame in flight holds.
+/// One frame in flight, with the pictures that it holds.
 struct Flight {
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
@@ -78,7 +77,7 @@ struct Flight {
 }
 
 impl Screen {
-    /// Takes a window over.
+    /// Takes over a window.
     ///
     /// # Errors
     /// Fails with [`Error::NoDevice`] if the device cannot show anything in it.
@@ -116,7 +115,7 @@ impl Screen {
             ready: vk::Semaphore::null(),
             held: Vec::new(),
         };
-        // SAFETY: valid create infos; what has been made is freed with the screen.
+        // SAFETY: the create infos are valid, and what has been made is freed with the screen.
         unsafe {
             let info = vk::CommandPoolCreateInfo::default()
                 .flags(vk::CommandPoolCreateFlags::TRANSIENT)
@@ -139,7 +138,7 @@ impl Screen {
         Ok(())
     }
 
-    /// The presentation modes of this window.
+    /// The presentation modes that this window offers.
     pub fn modes(&self) -> &[PresentMode] {
         &self.modes
     }
@@ -147,8 +146,8 @@ impl Screen {
     /// Draws pictures and panels and presents them. `size` is the window's, in pixels.
     ///
     /// # Errors
-    /// Fails if the device is lost or there is no memory. A window that changed or cannot be drawn to now is
-    /// no error.
+    /// Fails if the device is lost or out of memory. A window that has changed or cannot be drawn to is not
+    /// an error.
     pub fn show(&mut self, size: [u32; 2], mode: PresentMode, blits: &[Blit], mut paint: Paint) -> Result<Shown> {
         let mode = if self.modes.contains(&mode) { mode } else { PresentMode::Fifo };
         self.overlay.update(&mut paint.textures)?;
@@ -185,7 +184,7 @@ impl Screen {
         }
     }
 
-    /// Another swapchain for the next frame; another surface too where that is `lost`.
+    /// Makes the next frame create another swapchain, and another surface if this one is `lost`.
     fn unusable(&mut self, lost: bool) -> Result<Shown> {
         self.made_for = [0, 0];
         if lost {
@@ -194,7 +193,7 @@ impl Screen {
         Ok(Shown::NotNow)
     }
 
-    /// Gives the surface up; the next frame has another one.
+    /// Gives up the surface. The next frame makes another one.
     ///
     /// # Errors
     /// Fails if the device is lost.
@@ -205,18 +204,18 @@ impl Screen {
         Ok(())
     }
 
-    /// Waits for this window's frames, and for their presentation.
+    /// Waits for this window's frames and for their presentation.
     fn wait(&self) -> Result<()> {
         let fences: Vec<_> = self.frames.iter().map(|flight| flight.fence).collect();
         let shared = &self.gpu.0;
-        // SAFETY: the fences belong to this device; the lock serialises the queue.
+        // SAFETY: the fences belong to this device, and the lock serialises the queue.
         unsafe {
             shared.device.wait_for_fences(&fences, true, u64::MAX).map_err(during("vkWaitForFences"))?;
             shared.device.queue_wait_idle(*shared.queue()).map_err(during("vkQueueWaitIdle"))
         }
     }
 
-    /// Whether the window can be drawn to now.
+    /// Makes another swapchain. Says whether the window can be drawn to.
     fn remake(&mut self, size: [u32; 2]) -> Result<bool> {
         if size.contains(&0) {
             return Ok(false);
@@ -251,14 +250,15 @@ impl Screen {
         );
         let (copying, drawing) =
             (vk::PipelineStageFlags2::ALL_TRANSFER, vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT);
-        // SAFETY: the frame that used this command buffer is over; everything named here is held until this one is.
+        // SAFETY: this command buffer's last frame is over, and everything named here is held until this one
+        // is.
         unsafe {
             device
                 .reset_command_pool(flight.pool, vk::CommandPoolResetFlags::empty())
                 .map_err(during("vkResetCommandPool"))?;
             let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             device.begin_command_buffer(commands, &info).map_err(during("vkBeginCommandBuffer"))?;
-            // pictures were finished by earlier submissions, and may be written again by later ones
+            // earlier submissions finished the pictures, and later ones may write them again
             barrier(device, commands, vk::PipelineStageFlags2::ALL_COMMANDS, vk::PipelineStageFlags2::ALL_COMMANDS);
             image_change(device, commands, target.image, [vk::ImageLayout::UNDEFINED, copied], [drawing, copying]);
             let range = super::encode::whole_image();
@@ -282,7 +282,7 @@ impl Screen {
             let result = self.overlay.draw(commands, target.extent, paint);
             device.cmd_end_rendering(commands);
             result?;
-            // what signals that drawing has finished comes after all commands
+            // the semaphore that says that drawing has finished is signalled after all commands
             let last = vk::PipelineStageFlags2::ALL_COMMANDS;
             image_change(device, commands, target.image, [drawn, presented], [drawing, last]);
             device.end_command_buffer(commands).map_err(during("vkEndCommandBuffer"))
@@ -301,7 +301,7 @@ impl Screen {
             .wait_semaphore_infos(&wait)
             .command_buffer_infos(&buffers)
             .signal_semaphore_infos(&signal)];
-        // SAFETY: the commands are complete; the fence is reset here and its frame over; the lock serialises the queue.
+        // SAFETY: the commands are complete, the fence's frame is over, and the lock serialises the queue.
         unsafe {
             shared.device.reset_fences(&[flight.fence]).map_err(during("vkResetFences"))?;
             let queue = shared.queue();
@@ -310,7 +310,7 @@ impl Screen {
     }
 }
 
-/// The blit's region with what lies outside of the window cut off, or nothing.
+/// The region of a blit without what lies outside the window. `None` if nothing is left.
 fn region(blit: &Blit, extent: vk::Extent2D) -> Option<(vk::ImageBlit, bool)> {
     let most = [extent.width as f32, extent.height as f32];
     let (mut from, mut to) = (blit.from, blit.to);
@@ -359,7 +359,7 @@ impl Drop for Screen {
         self.swapchain = None;
         let device = &self.gpu.0.device;
         for flight in &self.frames {
-            // SAFETY: all frames are over; null handles are ignored.
+            // SAFETY: all frames are over, and null handles are ignored.
             unsafe {
                 device.destroy_semaphore(flight.ready, None);
                 device.destroy_fence(flight.fence, None);

@@ -1,4 +1,4 @@
-//! What one submission needs: command buffer, fence, query pool, descriptor pool and staging memory. All is kept for the next.
+//! Slots for submissions, which are kept and used again.
 
 use std::ops::{Deref, DerefMut};
 
@@ -11,7 +11,7 @@ use super::{
 };
 use crate::Result;
 
-/// How long the device may take for one submission before it is given up: a CPU device traces for minutes.
+/// How long one submission may take before it is given up, nanoseconds. A CPU device traces for minutes.
 const TIMEOUT_NS: u64 = 600_000_000_000;
 
 /// The kinds of descriptors, in the order in which a [`Slot`] counts them.
@@ -22,10 +22,10 @@ pub(super) const KINDS: [vk::DescriptorType; 4] = [
     vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
 ];
 
-/// Sets, then descriptors of each of [`KINDS`].
+/// How many descriptor sets, then how many descriptors of each of [`KINDS`].
 pub(super) type Counts = [u32; 1 + KINDS.len()];
 
-/// What one submission needs, kept for the next. Pools grow to what a frame asks of them.
+/// What one submission needs. The pools of a slot grow to what its frames need.
 pub(super) struct Slot {
     pool: vk::CommandPool,
     pub commands: vk::CommandBuffer,
@@ -38,25 +38,25 @@ pub(super) struct Slot {
     staging: Vec<Staging>,
 }
 
-/// Staging memory that an idle slot keeps, bytes.
+/// How much staging memory an idle slot keeps, bytes.
 pub(super) const KEPT_STAGING: u64 = 64 << 20;
-/// Staging memory is taken in chunks of at least so many bytes.
+/// Staging memory is allocated in chunks of at least this many bytes.
 const STAGING_CHUNK: u64 = 1 << 20;
 
-/// A slot in somebody's hands. It goes back to the device when it is dropped, so whoever holds it waits before that until the
-/// device has done with it.
+/// A slot that somebody holds. Dropping it gives it back, so its holder first waits until the device has done
+/// with it.
 pub(super) struct HeldSlot {
     gpu: Gpu,
     slot: Option<Slot>,
 }
 
 impl HeldSlot {
-    /// A slot that was used before, or else a new one.
+    /// Takes a slot that was used before, or makes one.
     pub(super) fn take(gpu: &Gpu) -> Result<Self> {
         Ok(Self { gpu: gpu.clone(), slot: Some(gpu.0.take_slot()?) })
     }
 
-    /// Gives the slot up for good: the device may use it for ever.
+    /// Never gives the slot back, because the device may still use it.
     pub(super) fn abandon(mut self) {
         std::mem::forget(self.slot.take());
     }
@@ -94,7 +94,7 @@ impl Drop for HeldSlot {
 impl Slot {
     pub(super) fn new(shared: &Shared) -> Result<Self> {
         let device = &shared.device;
-        // SAFETY: valid create infos; what was made is destroyed on failure.
+        // SAFETY: the create infos are valid, and on failure what was made is destroyed.
         unsafe {
             let info = vk::CommandPoolCreateInfo::default()
                 .flags(vk::CommandPoolCreateFlags::TRANSIENT)
@@ -131,11 +131,11 @@ impl Slot {
     }
 
     /// # Safety
-    /// The device does not use it any more.
+    /// The device does not use the slot any more.
     pub(super) unsafe fn destroy(self, shared: &Shared) {
         self.staging.into_iter().for_each(|staging| staging.destroy(shared));
         let device = &shared.device;
-        // SAFETY: the caller's promise; null handles are ignored.
+        // SAFETY: the caller's promise. Null handles are ignored.
         unsafe {
             device.destroy_descriptor_pool(self.descriptors, None);
             device.destroy_query_pool(self.queries, None);
@@ -159,7 +159,7 @@ impl Slot {
         Ok(())
     }
 
-    /// Ends the recording and hands it over to the device.
+    /// Ends the recording and submits it.
     pub(super) fn submit(&self, shared: &Shared) -> std::result::Result<(), vk::Result> {
         let host = vk::PipelineStageFlags2::ALL_COMMANDS | vk::PipelineStageFlags2::HOST;
         barrier(&shared.device, self.commands, vk::PipelineStageFlags2::ALL_COMMANDS, host);
@@ -174,7 +174,7 @@ impl Slot {
         unsafe { shared.device.wait_for_fences(&[self.fence], true, TIMEOUT_NS) }
     }
 
-    /// Copies `bytes` to staging memory; returns where they are.
+    /// Copies `bytes` to staging memory. Returns the buffer and the offset in it.
     pub(super) fn stage(&mut self, shared: &Shared, bytes: &[u8]) -> Result<(vk::Buffer, u64)> {
         if let Some(place) = self.staging.last_mut().and_then(|staging| staging.append(bytes)) {
             return Ok(place);
@@ -185,7 +185,7 @@ impl Slot {
         place.ok_or_else(|| crate::Error::Internal("staging memory is not mapped".into()))
     }
 
-    /// The staging memory is not used any more. Large amounts are freed, one chunk is kept.
+    /// Empties the staging memory, which the device must not use any more. Keeps the largest allowed chunk.
     fn clear_staging(&mut self, shared: &Shared) {
         let kept = (0..self.staging.len()).filter(|&i| self.staging[i].bytes() <= KEPT_STAGING);
         let kept = kept.max_by_key(|&i| self.staging[i].bytes());

@@ -1,4 +1,4 @@
-//! The images of a window: made for its size, lent for drawing, presented.
+//! The images of a window: they are made for its size, acquired, drawn to and presented.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use super::device::{Gpu, during};
 use crate::{Error, Result};
 
-/// What a surface is made of.
+/// The handles from which a surface is made.
 pub trait WindowHandles: HasWindowHandle + HasDisplayHandle + Send + Sync {}
 
 impl<T: HasWindowHandle + HasDisplayHandle + Send + Sync> WindowHandles for T {}
@@ -18,14 +18,14 @@ impl<T: HasWindowHandle + HasDisplayHandle + Send + Sync> WindowHandles for T {}
 pub enum PresentMode {
     /// At the next refresh, in order.
     Fifo,
-    /// At the next refresh, the newest.
+    /// At the next refresh, where only the newest picture is shown.
     Mailbox,
-    /// At once; may tear.
+    /// At once. The picture may tear.
     Immediate,
 }
 
 impl PresentMode {
-    /// All, the one that every device has first.
+    /// All modes, first the one that every device has.
     pub const ALL: [Self; 3] = [Self::Fifo, Self::Mailbox, Self::Immediate];
 
     /// Its name.
@@ -46,7 +46,7 @@ impl PresentMode {
     }
 }
 
-/// A window as Vulkan sees it. Declared after the swapchain that it carries, so that it goes last.
+/// A window as Vulkan sees it. It holds the window, and must be dropped after its swapchain.
 pub(super) struct Surface {
     gpu: Gpu,
     functions: ash::khr::surface::Instance,
@@ -61,7 +61,7 @@ impl Surface {
         let display = window.display_handle().map_err(gone)?.as_raw();
         let raw = window.window_handle().map_err(gone)?.as_raw();
         let functions = ash::khr::surface::Instance::new(&shared.entry, &shared.instance);
-        // SAFETY: the window outlives the surface, which holds it.
+        // SAFETY: the surface holds the window, which therefore outlives it.
         let handle = unsafe { ash_window::create_surface(&shared.entry, &shared.instance, display, raw, None) }
             .map_err(during("making the window's surface"))?;
         let surface = Self { gpu: gpu.clone(), functions, handle, _window: Arc::clone(window) };
@@ -79,7 +79,7 @@ impl Surface {
         }
     }
 
-    /// Those of [`PresentMode::ALL`] that it has.
+    /// The modes of [`PresentMode::ALL`] that the window offers.
     pub fn modes(&self) -> Result<Vec<PresentMode>> {
         // SAFETY: the surface is alive.
         let offered =
@@ -88,7 +88,7 @@ impl Surface {
         Ok(PresentMode::ALL.into_iter().filter(|mode| offered.contains(&mode.vulkan())).collect())
     }
 
-    /// A format whose codes are shown as they are: sRGB-encoded values go in.
+    /// A format that shows codes as they are, so that sRGB-encoded values are written.
     pub fn format(&self) -> Result<vk::SurfaceFormatKHR> {
         // SAFETY: the surface is alive.
         let offered = unsafe { self.functions.get_physical_device_surface_formats(self.gpu.0.physical, self.handle) }
@@ -105,7 +105,7 @@ impl Surface {
 
 impl Drop for Surface {
     fn drop(&mut self) {
-        // SAFETY: its swapchain is gone.
+        // SAFETY: the surface's swapchain is gone.
         unsafe { self.functions.destroy_surface(self.handle, None) };
     }
 }
@@ -116,38 +116,38 @@ pub(super) struct SwapchainImage {
     pub index: u32,
     pub image: vk::Image,
     pub view: vk::ImageView,
-    /// Signalled when drawing has finished; one for each image, as presenting it is what waits.
+    /// Signalled when drawing has finished. Each image has its own, because its presentation waits for it.
     pub finished: vk::Semaphore,
     pub extent: vk::Extent2D,
 }
 
-/// What an attempt to get or show an image came to.
+/// The result of acquiring or presenting an image.
 pub(super) enum Attempt<T> {
     Done(T),
-    /// The window has changed: make another swapchain.
+    /// The window has changed, so it needs another swapchain.
     OutOfDate,
-    /// The surface is gone: make another.
+    /// The surface is gone and must be made again.
     Lost,
-    /// None within the time allowed, or for a window without area.
+    /// No image came within the time allowed, or the window has no area.
     NotReady,
 }
 
-/// A window's images.
 pub(super) struct Swapchain {
     gpu: Gpu,
     functions: ash::khr::swapchain::Device,
     handle: vk::SwapchainKHR,
     pub extent: vk::Extent2D,
     targets: Vec<SwapchainImage>,
-    /// Still usable, but no longer what the window would have.
+    /// The images still work but no longer suit the window.
     pub suboptimal: bool,
 }
 
-/// How long an image is waited for; a hidden window may give none.
+/// How long to wait for an image, nanoseconds. A hidden window may give none.
 const ACQUIRE_NS: u64 = 500_000_000;
 
 impl Swapchain {
-    /// Images for a surface, unless the window has no area or is gone. `wanted` counts where the surface takes any size.
+    /// Makes images for a surface, unless its window has no area or is gone. `wanted` is their
+    /// size, if the surface leaves it open.
     pub fn new(
         gpu: &Gpu,
         surface: &Surface,
@@ -158,7 +158,7 @@ impl Swapchain {
     ) -> Result<Attempt<Self>> {
         let shared = &gpu.0;
         if old.is_some() {
-            // What presents from the old one cannot be waited for otherwise; this is once a resize, not once a frame.
+            // Nothing else tells when the old images have been presented. This is rare: the window has changed.
             // SAFETY: the lock serialises the queue.
             unsafe { shared.device.queue_wait_idle(*shared.queue()) }.map_err(during("vkQueueWaitIdle"))?;
         }
@@ -215,7 +215,7 @@ impl Swapchain {
 
     fn targets(&mut self, format: vk::Format) -> Result<()> {
         let shared = &self.gpu.0;
-        // SAFETY: the swapchain is alive; what is made here is freed when it is dropped.
+        // SAFETY: the swapchain is alive, and what is made here is freed when it is dropped.
         unsafe {
             let images = self.functions.get_swapchain_images(self.handle).map_err(during("vkGetSwapchainImagesKHR"))?;
             for (index, image) in (0..).zip(images) {
@@ -242,7 +242,7 @@ impl Swapchain {
         Ok(())
     }
 
-    /// The next image; `ready` is signalled when it may be drawn to.
+    /// Acquires the next image. `ready` is signalled when it may be drawn to.
     pub fn acquire(&mut self, ready: vk::Semaphore) -> Result<Attempt<SwapchainImage>> {
         // SAFETY: the semaphore is unsignalled and nothing waits for it.
         match unsafe { self.functions.acquire_next_image(self.handle, ACQUIRE_NS, ready, vk::Fence::null()) } {
@@ -254,12 +254,12 @@ impl Swapchain {
         }
     }
 
-    /// Shows it once drawing has finished.
+    /// Presents an image once drawing to it has finished.
     pub fn present(&mut self, target: SwapchainImage) -> Result<Attempt<()>> {
         let (swapchains, indices, wait) = ([self.handle], [target.index], [target.finished]);
         let info = vk::PresentInfoKHR::default().swapchains(&swapchains).image_indices(&indices).wait_semaphores(&wait);
         let queue = self.gpu.0.queue();
-        // SAFETY: the image was acquired and `finished` will be signalled; the lock serialises the queue.
+        // SAFETY: the image was acquired, `finished` will be signalled, and the lock serialises the queue.
         match unsafe { self.functions.queue_present(*queue, &info) } {
             Ok(suboptimal) => {
                 self.suboptimal |= suboptimal;
@@ -282,7 +282,7 @@ fn unusable<T>(result: vk::Result, call: &str) -> Result<Attempt<T>> {
 impl Drop for Swapchain {
     fn drop(&mut self) {
         let device = &self.gpu.0.device;
-        // SAFETY: who drops it has waited for what draws to and presents from it.
+        // SAFETY: whoever drops this has waited for what draws to its images and presents them.
         unsafe {
             for target in &self.targets {
                 device.destroy_image_view(target.view, None);

@@ -1,4 +1,4 @@
-//! Frames that the device was given and that are not known to have run.
+//! Frames that were submitted and may not have run yet.
 
 use ash::vk;
 
@@ -11,13 +11,13 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// A frame that was handed over to the device. It runs whether or not anybody waits for it; frames of one device run one after the
-/// other, in the order in which they were submitted. A ticket that is dropped is waited for.
+/// A submitted frame. It runs whether or not anybody waits for it. Frames of one device run one after the
+/// other, in the order of submission. Dropping a ticket waits for its frame.
 #[must_use = "dropping a ticket waits for its frame and loses its timings"]
 pub struct Ticket(State);
 
 enum State {
-    /// The device may use all this.
+    /// The device may still use all of this.
     Running {
         gpu: Gpu,
         slot: HeldSlot,
@@ -27,7 +27,7 @@ enum State {
 }
 
 impl Ticket {
-    /// A frame that has run already.
+    /// A frame that has already run.
     pub(super) fn done(timings: Timings) -> Self {
         Self(State::Done(timings))
     }
@@ -50,8 +50,8 @@ impl Ticket {
     /// Waits until the frame has run.
     ///
     /// # Errors
-    /// Fails with [`Error::Vulkan`] if the device is lost or does not finish, and names the last pass that
-    /// ran.
+    /// Fails with [`Error::Vulkan`] if the device is lost or does not finish. The error names the last pass
+    /// that ran.
     pub fn wait(mut self) -> Result<Timings> {
         self.finish()
     }
@@ -96,13 +96,13 @@ impl Drop for Ticket {
     }
 }
 
-/// The device may still be using all this, so it is never freed.
+/// Never frees what the device may still be using.
 fn abandon(slot: HeldSlot, commands: Vec<Command>) {
     slot.abandon();
     std::mem::forget(commands);
 }
 
-/// Timestamps and whether each was written. Never waits.
+/// Reads the timestamps, each with whether it was written. Never waits.
 fn read_stamps(shared: &Shared, slot: &Slot, count: usize) -> std::result::Result<Vec<[u64; 2]>, vk::Result> {
     let mut stamps = vec![[0u64; 2]; count];
     let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WITH_AVAILABILITY;

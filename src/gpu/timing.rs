@@ -3,16 +3,16 @@
 /// How long one dispatch or transfer took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Entry {
-    /// The scopes that it was recorded in, the outermost first, and then its own name.
+    /// The scopes in which it was recorded, the outermost first, and then its own name.
     pub path: Vec<String>,
-    /// When it began, milliseconds after the first.
+    /// When it began, milliseconds after the first entry.
     pub start_ms: f64,
     /// How long it took, milliseconds.
     pub ms: f64,
 }
 
 impl Entry {
-    /// The pass that it is a part of: its outermost scope, or its own name.
+    /// The pass to which it belongs: its outermost scope, or its own name.
     pub fn pass(&self) -> &str {
         self.path.first().map_or("", String::as_str)
     }
@@ -21,29 +21,28 @@ impl Entry {
 /// How long each dispatch and transfer of one submitted frame took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timings {
-    /// One entry a dispatch or transfer, in recording order. Equal paths may repeat.
+    /// One entry for each dispatch or transfer, in recording order. Paths may repeat.
     pub entries: Vec<Entry>,
-    /// Milliseconds from the first timestamp to the last: the entries and the barriers between them.
+    /// Milliseconds from the first timestamp to the last, including the barriers between entries.
     pub gpu_ms: f64,
-    /// How many barriers were issued, without the one at the beginning.
+    /// How many barriers were issued, not counting the one at the beginning.
     pub barriers: usize,
 }
 
 /// A scope, a dispatch or a transfer, with what was recorded within it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Node {
-    /// Its name.
     pub name: String,
     /// When its first entry began, milliseconds after the frame's first.
     pub start_ms: f64,
     /// The sum of its entries, milliseconds.
     pub ms: f64,
-    /// The scopes, dispatches and transfers in it. A scope that holds a single entry has none.
+    /// The scopes, dispatches and transfers in it. Empty for a scope that holds a single entry.
     pub children: Vec<Node>,
 }
 
 impl Timings {
-    /// The sum of a pass's entries, milliseconds; none where it did not run.
+    /// The sum of a pass's entries, milliseconds. `None` if the pass did not run.
     pub fn pass(&self, name: &str) -> Option<f64> {
         let mut times = self.entries.iter().filter(|entry| entry.pass() == name).map(|entry| entry.ms).peekable();
         times.peek()?;
@@ -55,7 +54,7 @@ impl Timings {
         self.entries.iter().map(|entry| entry.ms).sum()
     }
 
-    /// The entries as a tree of scopes; entries of the same path are summed.
+    /// Builds the tree of scopes. Entries of the same path are summed.
     pub fn tree(&self) -> Vec<Node> {
         let mut tree = Vec::new();
         for entry in &self.entries {
@@ -76,7 +75,7 @@ impl Timings {
 }
 
 impl Node {
-    /// A scope with one child that has none itself says the same thing twice.
+    /// Drops the only child of a scope if it has no children, as both say the same.
     fn simplify(&mut self) {
         self.children.iter_mut().for_each(Self::simplify);
         if let [only] = &self.children[..]
@@ -90,20 +89,20 @@ impl Node {
 /// Turns raw timestamps into milliseconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clock {
-    /// How many low bits of a timestamp mean anything (`timestampValidBits`).
+    /// How many low bits of a timestamp are valid (`timestampValidBits`).
     pub valid_bits: u32,
-    /// Nanoseconds a tick (`timestampPeriod`).
+    /// Nanoseconds in one tick (`timestampPeriod`).
     pub period_ns: f32,
 }
 
 impl Clock {
-    /// Milliseconds from `start` to `end`, across one wrap of the valid bits.
+    /// Milliseconds from `start` to `end`, which may wrap around the valid bits once.
     pub(super) fn milliseconds(self, start: u64, end: u64) -> f64 {
         let mask = if self.valid_bits >= 64 { u64::MAX } else { (1 << self.valid_bits) - 1 };
         (end.wrapping_sub(start) & mask) as f64 * f64::from(self.period_ns) * 1e-6
     }
 
-    /// Timings of the entries of these paths, each with its start and its end in `stamps`.
+    /// Timings of the entries of these paths. `stamps` holds the start and the end of each.
     pub(super) fn timings<'a>(self, paths: impl Iterator<Item = &'a [String]>, stamps: &[u64]) -> Timings {
         let since_first = |stamp| stamps.first().map_or(0.0, |&first| self.milliseconds(first, stamp));
         let entries = paths.zip(stamps.chunks_exact(2)).map(|(path, pair)| Entry {
@@ -119,7 +118,7 @@ impl Clock {
     }
 }
 
-/// Which of the recorded passes the GPU was in when it stopped, from which of their timestamps had been written.
+/// Says in which of the recorded passes the GPU stopped, from which of their timestamps were written.
 pub(super) fn where_it_stopped(names: &[&str], written: &[bool]) -> String {
     let started = |i: usize| written.get(2 * i).copied().unwrap_or(false);
     let ended = |i: usize| written.get(2 * i + 1).copied().unwrap_or(false);

@@ -1,4 +1,4 @@
-//! The way to buffers and images and back, through host memory.
+//! Copies data to and from buffers and images, through host memory.
 
 use ash::vk;
 use bytemuck::Pod;
@@ -12,8 +12,8 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Host memory that the device copies from and to. The allocator gives only coherent memory for it, of which Vulkan
-/// promises one type, so nothing need be flushed.
+/// Host memory that the device copies from and to. The allocator gives only coherent memory for it, which
+/// Vulkan guarantees to exist, so nothing needs to be flushed.
 pub(super) struct Staging {
     handle: vk::Buffer,
     allocation: memory::Allocation,
@@ -41,7 +41,7 @@ impl Staging {
         self.bytes
     }
 
-    /// Copies `data` behind what is there already; nothing where there is no room.
+    /// Appends `data`. Returns nothing if there is no room.
     pub(super) fn append(&mut self, data: &[u8]) -> Option<(vk::Buffer, u64)> {
         let start = self.used.next_multiple_of(STAGING_ALIGNMENT);
         let end = start.checked_add(data.len() as u64).filter(|end| *end <= self.bytes)?;
@@ -54,7 +54,7 @@ impl Staging {
         Self { used: 0, ..self }
     }
 
-    /// The device does not use it any more.
+    /// Frees the memory, which the device must not use any more.
     pub(super) fn destroy(self, shared: &Shared) {
         // SAFETY: whoever holds the slot has waited for the device.
         unsafe { shared.device.destroy_buffer(self.handle, None) };
@@ -63,7 +63,7 @@ impl Staging {
 }
 
 impl Gpu {
-    /// Writes `data` from `offset` bytes on. Waits until it is there.
+    /// Writes `data` to a buffer from `offset` bytes on, and waits until it is there.
     ///
     /// # Errors
     /// Fails as [`Frame::write_buffer`] does.
@@ -73,7 +73,7 @@ impl Gpu {
         frame.run().map(drop)
     }
 
-    /// Writes one layer of one level: tightly packed rows in the image's format. Waits until it is there.
+    /// Writes one layer of one level as tightly packed rows in its format, and waits until it is there.
     ///
     /// # Errors
     /// Fails as [`Frame::write_image`] does.
@@ -83,7 +83,7 @@ impl Gpu {
         frame.run().map(drop)
     }
 
-    /// The whole buffer as `T`s; bytes that do not fill one are left out.
+    /// Reads the whole buffer as `T`s. Leaves out bytes at the end that do not fill one.
     ///
     /// # Errors
     /// Fails with [`Error::Vulkan`] if the copy fails.
@@ -100,7 +100,7 @@ impl Gpu {
         Ok(values)
     }
 
-    /// Level 0 of one layer as `f32`, row by row from the top, with 0 for components the format lacks.
+    /// Reads level 0 of one layer, row by row from the top. Components that the format lacks are 0.
     ///
     /// # Errors
     /// Fails with [`Error::Internal`] if there is no such layer.
@@ -108,7 +108,7 @@ impl Gpu {
         self.read_image_level(image, layer, 0)
     }
 
-    /// As [`Gpu::read_image`], of any level.
+    /// Reads one layer of any level, as [`Gpu::read_image`] does.
     ///
     /// # Errors
     /// Fails with [`Error::Internal`] if there is no such layer or level.
@@ -135,7 +135,7 @@ impl Gpu {
                 Staging::new(shared, bytes)?
             }
         };
-        // Where this fails the device may still be using the memory: it is left alone.
+        // If this fails, the device may still be using the memory, so it is not reused.
         encode::immediate(shared, what, |commands| copy(commands, staging.handle))?;
         let mapped = staging.allocation.mapped_slice().and_then(|mapped| mapped.get(..bytes as usize));
         let copied = mapped.map(<[u8]>::to_vec);
@@ -153,10 +153,10 @@ pub(super) fn level_bytes(image: &Image, level: u32) -> u64 {
     u64::from(width) * u64::from(height) * image.format().bytes()
 }
 
-/// Where one layer of one level is.
+/// The region of one layer of one level.
 ///
 /// # Errors
-/// Fails with [`Error::Internal`] if there is none.
+/// Fails with [`Error::Internal`] if there is no such layer or level.
 pub(super) fn region(image: &Image, layer: u32, level: u32) -> Result<vk::BufferImageCopy> {
     if layer >= image.layers() || level >= image.levels() {
         return Err(Error::Internal(format!("{image:?} has no layer {layer} of level {level}")));
@@ -165,7 +165,7 @@ pub(super) fn region(image: &Image, layer: u32, level: u32) -> Result<vk::Buffer
     Ok(vk::BufferImageCopy::default().image_subresource(part).image_extent(image.extent(level)))
 }
 
-/// Texels as `f32`, with 0 for what the format lacks; integers above 2²⁴ are rounded.
+/// Converts texels to `f32`. Components that the format lacks are 0, and integers above 2²⁴ are rounded.
 fn decode(format: Format, bytes: &[u8]) -> Vec<[f32; 4]> {
     let words = || bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
     let pack = |channels: usize, values: Vec<f32>| {

@@ -1,4 +1,4 @@
-//! The Khronos validation layer: asked for in full (core and synchronization checks), its messages collected.
+//! Asks the Khronos validation layer for core and synchronization checks, and collects its messages.
 
 use std::{
     ffi::{CStr, c_void},
@@ -31,7 +31,7 @@ unsafe extern "system" fn on_message(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     log: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: Vulkan passes valid message data, and `log` is the `Log` that outlives the instance.
+    // SAFETY: Vulkan passes valid message data, and the `Log` outlives the instance.
     let (id, text, log) = unsafe {
         let owned = |text: Option<&CStr>| text.map(|text| text.to_string_lossy().into_owned());
         let data = data.as_ref();
@@ -53,7 +53,7 @@ unsafe extern "system" fn on_message(
     vk::FALSE
 }
 
-/// A messenger for warnings and errors of the layer (not the loader's gossip). `log` must outlive the instance.
+/// A messenger for warnings and errors of the layer, but not of the loader. `log` must outlive the instance.
 pub(super) fn messenger(log: &Log) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
     vk::DebugUtilsMessengerCreateInfoEXT::default()
         .message_severity(vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR)
@@ -65,16 +65,16 @@ pub(super) fn messenger(log: &Log) -> vk::DebugUtilsMessengerCreateInfoEXT<'stat
 /// How the installed layer can be configured.
 #[derive(Clone, Copy)]
 pub(super) struct LayerSupport {
-    /// `VK_EXT_validation_features`.
+    /// It has `VK_EXT_validation_features`.
     pub features: bool,
-    /// `VK_EXT_layer_settings`.
+    /// It has `VK_EXT_layer_settings`.
     pub settings: bool,
 }
 
 /// Looks for the layer.
 ///
 /// # Errors
-/// Fails with [`Error::NoDevice`] if it is missing, and names the package to install.
+/// Fails with [`Error::NoDevice`] if the layer is missing. The error names the package to install.
 pub(super) fn find_layer(entry: &ash::Entry) -> Result<LayerSupport> {
     // SAFETY: plain queries.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
@@ -99,8 +99,8 @@ pub(super) const FEATURES: [vk::ValidationFeatureEnableEXT; 1] =
 
 static ON: vk::Bool32 = vk::TRUE;
 
-/// Synchronization validation for layers configured by `VK_EXT_layer_settings`; they look across submissions unasked.
-/// Without the second a program of compute passes alone shows no hazard at all.
+/// Synchronization validation for layers configured by `VK_EXT_layer_settings`, which also look across
+/// submissions. Without the second setting, a program of compute passes alone shows no hazard.
 pub(super) fn settings() -> [vk::LayerSettingEXT<'static>; 2] {
     [c"validate_sync", c"syncval_shader_accesses_heuristic"].map(|name| {
         vk::LayerSettingEXT {
@@ -111,17 +111,17 @@ pub(super) fn settings() -> [vk::LayerSettingEXT<'static>; 2] {
     })
 }
 
-/// The environment variable by which older layers are asked to check hazards across submissions too.
+/// The environment variable that makes older layers check hazards across submissions.
 pub const SUBMIT_CHECKS: (&str, &str) = (
     "VK_LAYER_ENABLES",
     "VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT:\
      VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT",
 );
 
-/// Sets [`SUBMIT_CHECKS`] unless the user has set that variable; nothing but the layer, where loaded, reads it.
+/// Sets [`SUBMIT_CHECKS`] unless the user has set that variable. Only the layer reads it.
 ///
 /// # Safety
-/// No other thread may run: call it first thing in `main`. Tests get it from `.cargo/config.toml` instead.
+/// No other thread may run, so call it first in `main`. Tests use `.cargo/config.toml` instead.
 pub unsafe fn enable_submit_checks() {
     let (name, value) = SUBMIT_CHECKS;
     if std::env::var_os(name).is_none() {
