@@ -1,4 +1,4 @@
-//! Pass 5, `atrous`: the edge-avoiding filter, up to five levels.
+//! Pass 5, `atrous`: the edge-avoiding filter with up to five levels.
 
 use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
 use crate::{
@@ -15,17 +15,15 @@ gpu_struct! {
     pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32, pub raw: u32 }
 }
 
-/// The pass that filters in space.
 pub struct Atrous(Kernel);
 
 impl Atrous {
-    /// Builds the pipeline.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let constants = [plan.constant(Part::Specular)];
         Ok(Self(Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, &constants)?))
     }
 
-    /// Records the levels, from the accumulated a and b, or from this frame's irradiance, into what [`Atrous::result`] names.
+    /// Records the levels. The input is the accumulated a and b, or this frame's irradiance.
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings) -> Result<()> {
         frame.scope("atrous", |frame| {
             (0..settings.atrous_levels).try_for_each(|level| {
@@ -54,7 +52,7 @@ impl Atrous {
         Ok([view.image(a)?, view.image(b)?])
     }
 
-    /// Their names.
+    /// The names of those images.
     pub fn result_names(settings: &Settings) -> [&'static str; 2] {
         Self::names(settings.atrous_levels, settings)
     }
@@ -69,7 +67,7 @@ impl Atrous {
     }
 }
 
-/// Whether the filter reads one frame's irradiance: it comes first, or nothing is accumulated.
+/// Whether the filter reads this frame's irradiance: it comes before `temporal`, or nothing is accumulated.
 fn of_this_frame(settings: &Settings) -> bool {
     settings.filter_order == FilterOrder::SpatialFirst || !settings.temporal
 }

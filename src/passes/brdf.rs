@@ -1,11 +1,11 @@
-//! The table of GGX's directional albedo that `brdf.glsl` reads.
+//! The table of the GGX lobe's directional albedo, which `brdf.glsl` reads.
 
-/// Width and height of the table, as `ENERGY_SIZE` in `brdf.glsl`.
+/// Width and height of the table. `brdf.glsl` has the same constant.
 pub const ENERGY_SIZE: usize = 32;
 
-/// Directional albedo of the GGX lobe (height-correlated Smith, Schlick) as ρ = F0·x + F90·y, over cos θ_o (columns) and roughness
-/// (rows), both from 0 to 1 with the ends included; x + y is the albedo of a perfect reflector. Numerical integral of visible-normal samples
-/// (Karis 2013's split of the Fresnel term).
+/// Directional albedo ρ = F0·x + F90·y of the GGX lobe (height-correlated Smith, Schlick), as (x, y) over cos
+/// θ_o (columns) and roughness (rows). Both run from 0 to 1 with the ends included. x + y is the albedo of a
+/// perfect reflector. Integrated over visible-normal samples, with the Fresnel term split as in Karis 2013.
 pub fn brdf_table() -> Vec<[f32; 2]> {
     const SAMPLES: usize = 32;
     let mut table = Vec::with_capacity(ENERGY_SIZE * ENERGY_SIZE);
@@ -42,7 +42,7 @@ fn smith_lambda(cosine: f64, alpha: f64) -> f64 {
     0.5 * ((1.0 + alpha * alpha * (1.0 - c2) / c2).sqrt() - 1.0)
 }
 
-/// A half vector by the density of normals visible from `o` (Dupuy and Benyoub 2023).
+/// Draws a half vector by the density of normals that `o` sees (Dupuy and Benyoub 2023).
 fn visible_normal(o: glam::DVec3, alpha: f64, u: f64, v: f64) -> glam::DVec3 {
     let stretched = glam::DVec3::new(o.x * alpha, o.y * alpha, o.z).normalize();
     let (sin, cos) = (std::f64::consts::TAU * u).sin_cos();

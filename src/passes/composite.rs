@@ -1,4 +1,4 @@
-//! Pass 6, `composite`: differential rendering with fractional M.
+//! Pass 6, `composite`: differential rendering with a fractional M.
 
 use super::{resources::Kernel, view::View};
 use crate::{
@@ -12,7 +12,6 @@ use crate::{
 pub struct Composite(Kernel);
 
 impl Composite {
-    /// Builds the pipeline.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         Ok(Self(Kernel::new::<()>(
             gpu,
@@ -28,7 +27,7 @@ impl Composite {
         )?))
     }
 
-    /// Records the dispatch; `irradiance` holds a and b after filtering, where there is any.
+    /// Records the dispatch. `irradiance` holds a and b after filtering, if the plan has any.
     pub fn record(&self, frame: &mut Frame, view: &View, irradiance: Option<[&Image; 2]>) -> Result<()> {
         let special = irradiance.map(|[a, b]| [("in_a", Bind::from(a)), ("in_b", Bind::from(b))]);
         let special = special.as_ref().map_or(&[][..], |special| special);

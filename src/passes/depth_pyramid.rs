@@ -1,4 +1,4 @@
-//! `depth_pyramid`, per video frame: the boxes that rays through the panorama walk.
+//! `depth_pyramid`, once per video frame: the boxes that rays through the panorama walk.
 
 use super::{
     panorama::Panorama,
@@ -19,18 +19,17 @@ gpu_struct! {
 pub struct DepthPyramid(Kernel);
 
 impl DepthPyramid {
-    /// Builds the pipeline.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self(Kernel::new::<DepthPyramidPush>(gpu, "depth_pyramid", shaders::DEPTH_PYRAMID, &[])?))
     }
 
-    /// Records all levels, finest first.
+    /// Records all levels, the finest first.
     pub fn record(&self, frame: &mut Frame, panorama: &Panorama, view: &Resources) -> Result<()> {
         let pools = [&panorama.resources, view];
         frame.scope("depth_pyramid", |frame| {
             for (level, [width, height]) in (0..).zip(panorama.shape.levels.iter().copied()) {
                 for far_sides in 0..=u32::from(panorama.far_sides) {
-                    // far sides are in the same image
+                    // the far sides are in the same image
                     frame.barrier("depth_pyramid reads the level below");
                     let push = DepthPyramidPush { level, width, height, far_sides };
                     let threads = Threads::Size([width, height, 1]);

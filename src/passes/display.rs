@@ -1,4 +1,4 @@
-//! `display`: an image of the renderer as a window shows it. No part of the frame, and nothing that a file holds.
+//! `display`: an image of the renderer as a window shows it. It is no part of the frame or of any file.
 
 use super::resources::{Kernel, Resources};
 use crate::{
@@ -7,33 +7,33 @@ use crate::{
     gpu_struct, shaders,
 };
 
-/// What the numbers of an image mean, and so how they are shown.
+/// What the numbers of an image mean, which decides how they are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meaning {
-    /// sRGB of exposure times the value.
+    /// Radiance, shown as sRGB of exposure times the value.
     Radiance,
     /// A unit vector.
     Direction,
-    /// Metres.
+    /// A position in metres.
     Place,
-    /// Pixels to the previous frame.
+    /// The motion to the previous frame, pixels.
     Motion,
-    /// A number that names an object.
+    /// The number of an object.
     Id,
-    /// From 0 to 1.
+    /// A fraction from 0 to 1.
     Share,
-    /// What was traced.
+    /// Which pixels were traced.
     Mask,
-    /// Frames accumulated.
+    /// The number of accumulated frames.
     History,
-    /// Which triangle.
+    /// The triangle that was hit.
     Code,
-    /// Two pictures, as they are displayed.
+    /// The difference of two pictures as they are displayed.
     Difference,
 }
 
 impl Meaning {
-    /// That of an AOV, from its name.
+    /// The meaning of an AOV, from its name.
     pub fn of(aov: &str) -> Self {
         let stem = aov.strip_suffix("_real").or(aov.strip_suffix("_virtual")).unwrap_or(aov);
         match stem {
@@ -49,7 +49,7 @@ impl Meaning {
         }
     }
 
-    /// How to read it.
+    /// Explains the colours in words.
     pub const fn legend(self) -> &'static str {
         match self {
             Self::Radiance => "colour: sRGB of exposure · value, clipped",
@@ -73,7 +73,7 @@ impl Meaning {
 }
 
 impl Meaning {
-    /// What the two ends of its scale stand for, where numbers are shown as colours on one.
+    /// What the two ends of the scale stand for, if numbers are shown as colours on a scale.
     pub const fn scale(self) -> Option<[&'static str; 2]> {
         match self {
             Self::Share => Some(["0", "1"]),
@@ -83,7 +83,8 @@ impl Meaning {
         }
     }
 
-    /// The colour at a place of the scale, from 0 to 1; sRGB codes, also from 0 to 1. As `display.comp` has it.
+    /// The colour at the place `x` of the scale, as `display.comp` has it, in sRGB codes. All
+    /// numbers are from 0 to 1.
     pub fn color(self, x: f32) -> [f32; 3] {
         if self == Self::Share {
             return [x; 3];
@@ -107,35 +108,34 @@ gpu_struct! {
     }
 }
 
-/// What to show.
+/// What to show, and how.
 #[derive(Clone, Copy)]
 pub struct Input<'a> {
-    /// The image, and the layer of it that counts.
+    /// The image, and which of its layers is shown.
     pub image: &'a Image,
     pub layer: u32,
-    /// Added to it, or what it is compared with.
+    /// Added to the image, or compared with it.
     pub other: Option<&'a Image>,
-    /// The one channel that counts.
+    /// The one channel to show, or all for `None`.
     pub channel: Option<usize>,
     /// What the numbers mean.
     pub look: Meaning,
-    /// Factor on radiance.
+    /// The factor on radiance.
     pub exposure: f32,
-    /// `inverse_tonemap` of the panorama, and its exposure: what was raised comes down again.
+    /// The panorama's `inverse_tonemap` and exposure, which are undone for display.
     pub raised: [f32; 2],
-    /// Marks pixels where this is not 0.
+    /// Pixels where this is not 0 are marked.
     pub marked: Option<&'a Image>,
 }
 
-/// The pass that makes an image fit to look at.
+/// The pass that turns an image into colours to look at.
 pub struct Display {
     kernel: Kernel,
-    /// For what an input does not have.
+    /// Bound in place of inputs that are missing.
     nothing: [Image; 2],
 }
 
 impl Display {
-    /// Builds the pipeline.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let nothing = |format| gpu.image("nothing shown", [1, 1], 1, 1, format);
         Ok(Self {
@@ -144,12 +144,11 @@ impl Display {
         })
     }
 
-    /// An image that [`Display::record`] can write.
+    /// Makes an image that [`Display::record`] can write.
     pub fn picture(gpu: &Gpu, size: [u32; 2]) -> Result<Image> {
         gpu.image("shown picture", size, 1, 1, Format::Rgba8)
     }
 
-    /// Records the dispatch.
     pub fn record(&self, frame: &mut Frame, input: &Input, picture: &Image) -> Result<()> {
         let [floats, codes] = &self.nothing;
         let is_code = input.look == Meaning::Code;

@@ -1,5 +1,5 @@
-//! Deliberate faults, which the tests of the stability suite plant. Only the cargo feature `faults` has them, with shaders
-//! of their own.
+//! Deliberate faults, which tests of the stability suite plant. Only the cargo feature `faults` has them.
+//! They use shaders of their own.
 
 /// Whether a renderer has a planted fault. A build without the feature `faults` never has one.
 #[cfg(feature = "faults")]
@@ -19,24 +19,24 @@ pub(crate) use planted;
 #[cfg(feature = "faults")]
 use crate::gpu::Gpu;
 
-/// One thing done wrong on purpose. The value is what the shaders' constant `FAULT` is set to; those from 100 on are the host's.
+/// One thing done wrong on purpose. The value is the shaders' `FAULT`. From 100 on, the fault is in Rust.
 #[cfg(feature = "faults")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Fault {
-    /// As shipped.
+    /// No fault.
     #[default]
     None = 0,
-    /// Columns of the panorama do not wrap: at the seam there is a gap.
+    /// Columns of the panorama do not wrap, which leaves a gap at the seam.
     NoWrap = 1,
     /// The poles are holes.
     NoPoles = 2,
     /// Lights are drawn as if the panorama were not turned.
     YawForgotten = 3,
-    /// Paths that bring more than a little are cut down to it.
+    /// The contribution of a path is cut down to a small value.
     EnergyClamp = 5,
-    /// Motion vectors are a pixel off.
+    /// Motion vectors are wrong by a pixel.
     MotionOff = 6,
-    /// Rays leave real surfaces from below.
+    /// Rays start below real surfaces.
     RaysFromBelow = 7,
     /// Holes in the depth are half a metre away.
     HolesNear = 8,
@@ -54,17 +54,17 @@ pub enum Fault {
     NarrowColumns = 14,
     /// Each frame the history grows by a fifth.
     Drift = 15,
-    /// No end of the history, no clamping.
+    /// The history never ends and is never clamped.
     HistoryKept = 100,
     /// The seed counts the frames of the whole process.
     UnsteadySeed = 101,
-    /// The depth of the first video frame is that of all.
+    /// All video frames use the depth of the first.
     DepthStale = 102,
 }
 
 #[cfg(feature = "faults")]
 impl Fault {
-    /// A handle of the device whose passes have this fault.
+    /// Returns a handle of the device whose passes have this fault.
     pub(crate) fn inject(self, gpu: &Gpu) -> Gpu {
         let passes: &[&str] = match self {
             Self::None | Self::HistoryKept | Self::UnsteadySeed | Self::DepthStale => return gpu.clone(),

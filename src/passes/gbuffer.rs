@@ -12,24 +12,23 @@ use crate::{
     shaders,
 };
 
-/// What a view's primary rays are for, and from where.
+/// What a view's primary rays are for, and where they start.
 #[derive(Clone, Copy, Debug)]
 pub struct Look {
-    /// The view.
+    /// What the view is for.
     pub role: Role,
-    /// The camera is not at the panorama's centre: rays are traced through the panorama.
+    /// Whether the camera is away from the panorama's centre, so that rays are traced through the panorama.
     pub off_centre: bool,
 }
 
 /// The pass that finds what each pixel shows.
 pub struct Gbuffer {
     centre: Kernel,
-    /// Where objects are in view.
+    /// Runs if objects are in view.
     coverage: Option<Kernel>,
 }
 
 impl Gbuffer {
-    /// Builds the pipelines.
     pub fn new(gpu: &Gpu, plan: &Plan, look: Look) -> Result<Self> {
         let shown = look.role == Role::Picture;
         let in_view = shown && plan.on(Part::VirtualSurfaces);
@@ -42,7 +41,7 @@ impl Gbuffer {
             plan.constant(Part::Objects),
         ];
         let minified = Part::RadiancePyramid.constant(u32::from(plan.color_levels() > 1));
-        let fill = ("FILL_UNSEEN", u32::from(plan.settings.fill_unseen)); // coverage asks where a surface is, not what it looks like
+        let fill = ("FILL_UNSEEN", u32::from(plan.settings.fill_unseen)); // coverage needs no colour
         let centre = [
             &material[..],
             &[fill, minified, Part::VirtualSurfaces.constant(u32::from(in_view)), ("SHOWN", u32::from(shown))],

@@ -1,4 +1,4 @@
-//! Pass 4, `interpolate`: pixels that were not traced, from traced neighbours.
+//! Pass 4, `interpolate`: fills pixels that were not traced from traced neighbours.
 
 use super::{resources::Kernel, view::View};
 use crate::{
@@ -18,17 +18,15 @@ gpu_struct! {
     pub struct InterpolatePush { pub radius: i32 }
 }
 
-/// The pass that fills pixels that were not traced.
 pub struct Interpolate(Kernel);
 
 impl Interpolate {
-    /// Builds the pipeline.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let constants = [plan.constant(Part::Specular)];
         Ok(Self(Kernel::new::<InterpolatePush>(gpu, "interpolate", shaders::INTERPOLATE, &constants)?))
     }
 
-    /// Records the dispatch. The radius reaches traced pixels at every rate.
+    /// Records the dispatch. Its radius reaches traced pixels at every sampling rate.
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings) -> Result<()> {
         let sparse = settings.mask_by == MaskBy::Discontinuity || settings.rays_per_pixel < 0.25;
         let push = InterpolatePush { radius: if sparse { 4 } else { 2 } };

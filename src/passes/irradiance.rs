@@ -1,4 +1,5 @@
-//! Pass 3, `irradiance`: one path per traced surface, first the real ones, then the virtual ones that see them relit.
+//! Pass 3, `irradiance`: one path per traced surface. Real surfaces come first, and virtual ones see them
+//! relit.
 
 use super::{
     resources::{Kernel, Resource, Resources},
@@ -18,7 +19,7 @@ use crate::{
 const LIST_REAL: u64 = 0;
 const LIST_VIRTUAL: u64 = 16;
 
-/// The relit panorama's map, E_R and ΔE of real surfaces, as rays read it.
+/// The relit panorama's map of real surfaces, which rays read.
 pub struct Relight<'a> {
     /// E_R.
     pub real: &'a Image,
@@ -34,15 +35,14 @@ gpu_struct! {
 /// The pass that traces paths.
 pub struct Irradiance {
     real: Kernel,
-    /// Where virtual surfaces are in view.
+    /// For virtual surfaces, if there are any in view.
     other: Option<Kernel>,
-    /// Real surfaces of the relit map, whose picture shows no objects to walk, where they need a tracer of their own.
+    /// For the relit map. It shows no objects, so a tracer that walks the picture would find none.
     relight: Option<Kernel>,
     push: IrradiancePush,
 }
 
 impl Irradiance {
-    /// Builds the pipelines.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let settings = &plan.settings;
         let kernel = |layer: u32, virtual_tracer: VirtualTracer| {
@@ -79,7 +79,7 @@ impl Irradiance {
         })
     }
 
-    /// Records the real list, and the virtual one where the view shows objects.
+    /// Records the list of real surfaces, and that of virtual ones if the view shows objects.
     pub fn record(
         &self,
         frame: &mut Frame,

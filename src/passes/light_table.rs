@@ -1,4 +1,4 @@
-//! `light_table`, per video frame: the panorama's lamps and windows as something to draw directions from.
+//! `light_table`, once per video frame: a table of lamps and windows from which directions are drawn.
 
 use super::{
     panorama::Panorama,
@@ -13,17 +13,15 @@ use crate::{
     shaders,
 };
 
-/// Bytes of the table: header, row sums, cumulative cells, cells.
+/// The table's size in bytes: header, row sums, cumulative cells, cells.
 pub const BYTES: u64 = 4 * (2 + CELLS[1] as u64 + 2 * CELLS[0] as u64 * CELLS[1] as u64);
 
-/// The pass that fills the light table.
 pub struct LightTable {
     cells: Kernel,
     sums: Kernel,
 }
 
 impl LightTable {
-    /// Builds the pipelines.
     pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
         Ok(Self {
             cells: Kernel::new::<()>(gpu, "light_cells", shaders::LIGHT_CELLS, &[])?,
@@ -36,7 +34,6 @@ impl LightTable {
         })
     }
 
-    /// Records both dispatches.
     pub fn record(&self, frame: &mut Frame, panorama: &Panorama, view: &Resources) -> Result<()> {
         let pools = [&panorama.resources, view];
         frame.scope("light_table", |frame| {

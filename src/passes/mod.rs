@@ -1,7 +1,7 @@
-//! The passes: one file each, under the name that shader, timing and documents use, and one table of those of a frame, [`PASSES`].
+//! The passes, one file each. Shaders, timings and documents use the file's name. [`PASSES`] is their table.
 //!
-//! Each runs on a [`view::View`]: the picture, or the relit panorama's map, which is a picture too. Outside of frames:
-//! [`trace_rays`], and for the window [`display`] and [`unknown`].
+//! Each runs on a [`view::View`], which is the picture or the relit panorama's map. [`trace_rays`] runs
+//! outside of frames, and so do [`display`] and [`unknown`], which serve the window.
 
 pub mod atrous;
 pub mod brdf;
@@ -34,11 +34,11 @@ use crate::{
 pub enum Every {
     /// Once for each new frame of the panorama's video.
     VideoFrame,
-    /// In each frame.
+    /// Once in each frame.
     Frame,
 }
 
-/// What is fixed about a pass.
+/// One pass of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
     /// Its name in timings, labels and documents.
@@ -51,13 +51,13 @@ pub struct Row {
     pub shaders: &'static [(&'static str, &'static [u32])],
     /// Dispatches in a frame that shows a new video frame.
     pub dispatches: fn(&Plan) -> u32,
-    /// The parts of the plan without all of which it is off.
+    /// The pass is off if all of these parts are off. Empty if it always runs.
     pub without: &'static [Part],
     /// Its colour in charts and in the window.
     pub color: &'static str,
 }
 
-/// The passes of a frame, in its order. `relight` stands for the passes after it, on the relit panorama's maps.
+/// The passes in the order of the frame. `relight` stands for the passes after it, on the relit maps.
 pub const PASSES: &[Row] = &[
     Row {
         name: "radiance_pyramid",
@@ -174,13 +174,13 @@ pub const PASSES: &[Row] = &[
     },
 ];
 
-/// The table as text: each pass with what it makes.
+/// The table as text: each pass and what it makes.
 pub fn help() -> String {
     let rows = PASSES.iter().map(|row| format!("\n  {:<18}{}", row.name, row.what));
     format!("Passes, in the order of the frame:{}", rows.collect::<String>())
 }
 
-/// Levels of atrous, each a dispatch.
+/// The number of atrous levels, each of which is a dispatch.
 fn levels(plan: &Plan) -> u32 {
     plan.settings.atrous_levels * u32::from(plan.on(Part::Atrous))
 }

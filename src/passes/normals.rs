@@ -1,5 +1,5 @@
-//! `normals`, per video frame: plane fits through the depth, hole-aware and edge-aware; depth that came as integer codes moves onto
-//! its plane within its step.
+//! `normals`, once per video frame: plane fits through the depth that respect holes and edges. Depth that
+//! came as integer codes moves onto its plane, within one step of the codes.
 
 use super::{
     panorama::Panorama,
@@ -24,14 +24,12 @@ gpu_struct! {
     }
 }
 
-/// The pass that fits planes and gives normals.
 pub struct Normals {
     plane_fit: Kernel,
     select: Kernel,
 }
 
 impl Normals {
-    /// Builds the pipelines.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self {
             plane_fit: Kernel::new::<NormalsPush>(gpu, "plane_fit", shaders::PLANE_FIT, &[])?,
@@ -39,7 +37,7 @@ impl Normals {
         })
     }
 
-    /// Records both dispatches. `radius` 0 chooses by the depth's quality: integer codes are noisy and want wide fits.
+    /// Records both dispatches. A `radius` of 0 chooses by the depth's quality: noisy codes need wide fits.
     pub fn record(
         &self,
         frame: &mut Frame,

@@ -1,4 +1,4 @@
-//! The panorama on the device: radiance with mip levels, depth, and what is derived from them once per video frame.
+//! The panorama on the device, and what is derived from it once per video frame.
 
 use super::{
     resources::{Resource, Resources},
@@ -11,19 +11,19 @@ use crate::{
     plan::{Part, Plan},
 };
 
-/// Sizes of the pyramid of boxes, see `pyramid.glsl`: a leaf is 2×2 quads, a node of level 0 has 2×2 leaves.
+/// The pyramid of boxes (`pyramid.glsl`). A leaf is 2×2 quads, and a node of level 0 has 2×2 leaves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PyramidShape {
-    /// Width and height of each level, nodes. The last has a single one.
+    /// Width and height of each level in nodes. The last level has a single node.
     pub levels: Vec<[u32; 2]>,
-    /// Room for nodes that all levels' share: a third more than the finest has.
+    /// Room for nodes, shared by all levels: a third more than the finest level has.
     pub area: u32,
-    /// Nodes of all levels, gaps included.
+    /// The number of nodes of all levels, including gaps.
     pub nodes: u32,
 }
 
 impl PyramidShape {
-    /// For a depth image of this size: W columns of quads, H + 1 rows with the fans to the poles.
+    /// The pyramid of a depth image: W columns and H + 1 rows of quads, with the fans to the poles.
     pub fn new(depth_size: [u32; 2]) -> Self {
         let mut levels = vec![[depth_size[0].div_ceil(4), (depth_size[1] + 1).div_ceil(4)]];
         while levels[levels.len() - 1] != [1, 1] {
@@ -36,20 +36,20 @@ impl PyramidShape {
         shape
     }
 
-    /// The number of a node, as shaders reckon it: where each level begins follows from its number alone, so that rays need no table.
-    /// The share of a level is ¾·area·4^−level, which its w·h nodes would fill if they halved exactly, and room for w and h
-    /// being rounded up.
+    /// The number of a node, as shaders compute it. Each level begins at a place that follows from its
+    /// number, so rays need no table. A level has room for ¾·area·4^−level nodes, which its w·h nodes would
+    /// fill if they halved exactly, and for the rounding up of w and h.
     pub fn node(&self, level: u32, x: u32, y: u32) -> u32 {
         let [width, height] = self.levels[0];
         self.area - (self.area >> (2 * level)) + level * (width + height + 4) + y * self.levels[level as usize][0] + x
     }
 }
 
-/// Texels of a node, and of a row of the image that holds the pyramid, as in `pyramid.glsl`.
+/// Texels of a node, and texels in a row of the pyramid's image, as in `pyramid.glsl`.
 const NODE_TEXELS: u32 = 3;
 const PYRAMID_ROW: u32 = 4096;
 
-/// Device resources of a panorama of fixed sizes. A clone has the same images.
+/// The device resources of a panorama of fixed sizes. A clone has the same images.
 #[derive(Clone)]
 pub struct Panorama {
     /// Width and height of the radiance, texels.
@@ -60,19 +60,19 @@ pub struct Panorama {
     pub yaw_degrees: f32,
     /// The shape of the pyramid.
     pub shape: PyramidShape,
-    /// Whether skirts' far sides have boxes of their own.
+    /// Whether the far sides of skirts have boxes of their own.
     pub far_sides: bool,
-    /// What shaders read.
+    /// What shaders read, by name.
     pub resources: Resources,
     radiance: Image,
-    /// As captured; once it has been prepared, a panorama that never changes has no use for it.
+    /// Depth as captured. Dropped once a panorama that never changes is prepared.
     raw_depth: Option<Image>,
 }
 
-/// What there is to be of a panorama, or the part without which it is left out.
+/// What a panorama holds. An `Err` names the part without which something is left out.
 #[derive(Clone, Copy, Debug)]
 pub struct Needs {
-    /// Mip levels of radiance.
+    /// The number of mip levels of radiance.
     pub color_levels: u32,
     /// Depth and normals.
     pub geometry: std::result::Result<(), Part>,
@@ -83,7 +83,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// By a plan.
+    /// What a plan needs.
     pub fn of(plan: &Plan) -> Self {
         let need = |needed: bool, part| if needed { Ok(()) } else { Err(part) };
         Self {
@@ -95,13 +95,13 @@ impl Needs {
     }
 }
 
-/// What a plan's panorama takes once it is prepared.
+/// Bytes of a plan's panorama once it is prepared.
 pub fn bytes(plan: &Plan) -> u64 {
     let texels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
     let facts = &plan.facts;
     let radiance: u64 = (0..plan.color_levels()).map(|l| texels(facts.color_size.map(|n| (n >> l).max(1)))).sum();
     let depth = texels(facts.depth_size);
-    // depth and normal; what they are made from
+    // depth and normals, then the images that they are made from
     let geometry = depth * (4 + 8) + if plan.on(Part::Video) { depth * (4 + 16) } else { 0 };
     radiance * 16
         + if plan.geometry() { geometry } else { 0 }
@@ -109,11 +109,11 @@ pub fn bytes(plan: &Plan) -> u64 {
         + if plan.on(Part::LightTable) { super::light_table::BYTES } else { 0 }
 }
 
-/// The widest panorama that the pyramid's node codes can address.
+/// The first width that the pyramid's node codes cannot address.
 const LARGEST: u32 = 32768;
 
 impl Panorama {
-    /// Allocates for frames of these sizes.
+    /// Allocates images for frames of these sizes.
     pub fn new(gpu: &Gpu, color_size: [u32; 2], depth_size: [u32; 2], yaw_degrees: f32, needs: Needs) -> Result<Self> {
         for size in [color_size, depth_size] {
             if size.contains(&0) || size.iter().any(|&n| n >= LARGEST) {
@@ -156,7 +156,7 @@ impl Panorama {
         Ok(Self { color_size, depth_size, yaw_degrees, shape, far_sides: false, resources, radiance, raw_depth })
     }
 
-    /// Adds room for the far sides of skirts, so that `panorama_unknown` can be asked.
+    /// Adds room for the far sides of skirts, which `panorama_unknown` needs.
     pub fn with_far_sides(mut self, gpu: &Gpu) -> Result<Self> {
         let both = Resource::Image(pyramid(gpu, 2 * self.shape.nodes)?);
         self.resources.0.retain(|(name, _)| *name != "pyramid");
@@ -165,20 +165,19 @@ impl Panorama {
         Ok(self)
     }
 
-    /// The radiance image.
     pub fn radiance(&self) -> &Image {
         &self.radiance
     }
 
-    /// Depth as captured, before normals moves it off its steps.
+    /// Depth as captured, before `normals` moves it off the steps of its codes.
     ///
     /// # Errors
-    /// Fails with [`Error::Internal`] if it is not kept.
+    /// Fails with [`Error::Internal`] if the depth is not kept.
     pub fn raw_depth(&self) -> Result<&Image> {
         self.raw_depth.as_ref().ok_or_else(|| Error::Internal("the panorama's depth is not kept".into()))
     }
 
-    /// Frees what only the passes of a new video frame read: there will be none.
+    /// Frees what only the passes of a new video frame read, as there will be no new one.
     pub fn settle(&mut self) {
         self.raw_depth = None;
         self.resources.0.retain(|(name, _)| *name != "plane");
@@ -192,7 +191,7 @@ impl Panorama {
         })
     }
 
-    /// What shaders must know of its shape.
+    /// Tells shaders the panorama's sizes and shape.
     pub fn describe(&self, data: &mut ViewData) {
         data.color_size = self.color_size;
         data.color_levels = self.radiance.levels();
@@ -204,7 +203,7 @@ impl Panorama {
         data.pyramid_nodes = self.shape.nodes;
     }
 
-    /// Records the upload of a video frame; the passes of a new video frame must run after it.
+    /// Records the upload of a video frame. The passes of a new video frame must run after it.
     pub fn upload(&self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
         frame.write_image(&self.radiance, 0, 0, &content.radiance)?;
         match &self.raw_depth {
@@ -214,13 +213,13 @@ impl Panorama {
     }
 }
 
-/// An image for so many nodes.
+/// Makes an image for this many nodes.
 fn pyramid(gpu: &Gpu, nodes: u32) -> Result<Image> {
     let rows = (nodes * NODE_TEXELS).div_ceil(PYRAMID_ROW);
     gpu.image("depth pyramid", [PYRAMID_ROW, rows], 1, 1, Format::Rgba32u)
 }
 
-/// (sin φ, cos φ) of each column in the world, then, `stride` further on, (sin θ, cos θ) of each row, the poles first and last.
+/// (sin φ, cos φ) of each column in the world. From `stride` on, (sin θ, cos θ) of each row and both poles.
 fn angles([width, height]: [u32; 2], yaw_degrees: f32, stride: u32) -> Vec<[f32; 2]> {
     use std::f64::consts::{PI, TAU};
     let yaw = f64::from(yaw_degrees).to_radians();
@@ -236,7 +235,7 @@ fn angles([width, height]: [u32; 2], yaw_degrees: f32, stride: u32) -> Vec<[f32;
     all
 }
 
-/// Depth between two rows of the pole vertices' distances: the harmonic means of the first and the last row.
+/// Adds a row of the pole's distance at each end of the depth: the harmonic mean of the nearest row.
 fn with_poles(depth: &[f32], [width, _]: [u32; 2]) -> Vec<f32> {
     let pole = |row: &[f32]| {
         let valid: Vec<f64> = row.iter().filter(|d| **d > 0.0).map(|d| 1.0 / f64::from(*d)).collect();

@@ -1,4 +1,4 @@
-//! `radiance_pyramid`, per video frame: mip levels of the panorama's radiance, where the picture is coarser than it.
+//! `radiance_pyramid`, once per video frame: mip levels of the radiance, for pictures coarser than it.
 
 use super::{
     panorama::Panorama,
@@ -10,16 +10,13 @@ use crate::{
     shaders,
 };
 
-/// The pass that makes the mip levels.
 pub struct RadiancePyramid(Kernel);
 
 impl RadiancePyramid {
-    /// Builds the pipeline.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self(Kernel::new::<()>(gpu, "radiance_pyramid", shaders::RADIANCE_PYRAMID, &[])?))
     }
 
-    /// Records all levels.
     pub fn record(&self, frame: &mut Frame, panorama: &Panorama) -> Result<()> {
         let image = panorama.radiance();
         frame.scope("radiance_pyramid", |frame| {

@@ -1,4 +1,4 @@
-//! Named buffers and images, and how a pass finds those it declares.
+//! Named buffers and images, from which a pass binds what its shader declares.
 
 use crate::{
     Error, Result,
@@ -15,23 +15,20 @@ use super::{trace_rays, view::ViewData};
 /// What a name stands for.
 #[derive(Clone)]
 pub enum Resource {
-    /// A buffer.
     Buffer(Buffer),
-    /// An image.
     Image(Image),
     /// This frame's image and the previous frame's.
     History([Image; 2]),
-    /// An image that the plan leaves out: one texel to be bound, as what it is with layers or without, and the part without which it is not there.
+    /// A stand-in of one texel for an image that is left out with this part.
     Absent(Image, Part),
 }
 
-/// Buffers and images by name. Shaders call the same thing `in_name`, `out_name` or `name` by direction, and
-/// `history_name` where they read the previous frame's.
+/// Buffers and images by name. Shaders prefix `in_` or `out_` for the direction, and `history_` for the
+/// previous frame's image.
 #[derive(Clone, Default)]
 pub struct Resources(pub Vec<(&'static str, Resource)>);
 
 impl Resources {
-    /// Adds a resource.
     pub fn add(&mut self, name: &'static str, resource: Resource) {
         self.0.push((name, resource));
     }
@@ -43,7 +40,7 @@ impl Resources {
         Ok(())
     }
 
-    /// The part without which the image of this name is left out.
+    /// The part that the image of this name needs and the plan leaves out.
     pub fn absent(&self, name: &str) -> Option<Part> {
         self.0.iter().find(|(n, _)| *n == name).and_then(|(_, resource)| match resource {
             Resource::Absent(_, part) => Some(*part),
@@ -60,7 +57,7 @@ impl Resources {
         })
     }
 
-    /// The current images become the previous ones.
+    /// Makes the current images the previous ones.
     pub fn swap_history(&mut self) {
         for (_, resource) in &mut self.0 {
             if let Resource::History(pair) = resource {
@@ -80,7 +77,7 @@ impl Resources {
     }
 }
 
-/// Every struct that a buffer of some shader holds, by GLSL name. Whatever pass uses one, its layout is checked.
+/// Every struct in a buffer of some shader, by GLSL name. Each pass checks the layout of those it uses.
 pub const STRUCTS: &[StructLayout] = &[
     struct_layout::<ViewData>("View"),
     struct_layout::<packed::TriangleGeometry>("TriangleGeometry"),
@@ -100,7 +97,7 @@ pub const STRUCTS: &[StructLayout] = &[
 pub struct Kernel(Pass);
 
 impl Kernel {
-    /// Builds a pass that has push constants `P`.
+    /// Builds a pass with push constants `P`.
     pub fn new<P: GpuStruct>(
         gpu: &Gpu,
         name: &'static str,
@@ -112,7 +109,7 @@ impl Kernel {
         Ok(Self(gpu.pass(&declaration, constants)?))
     }
 
-    /// Records one dispatch; `special` goes before the pools, which are searched in order.
+    /// Records one dispatch. Names are looked up in `special`, then in the pools in their order.
     pub fn dispatch<P: GpuStruct>(
         &self,
         frame: &mut Frame,

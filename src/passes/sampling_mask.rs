@@ -1,4 +1,4 @@
-//! Pass 2, `sampling_mask`: which pixels trace this frame, compacted.
+//! Pass 2, `sampling_mask`: chooses the pixels that are traced this frame, and lists them.
 
 use super::{
     resources::Kernel,
@@ -27,18 +27,16 @@ gpu_struct! {
     }
 }
 
-/// The pass that chooses the pixels to trace.
 pub struct SamplingMask(Kernel);
 
 impl SamplingMask {
-    /// Builds the pipeline for a view.
     pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
         let in_view = role == Role::Picture && plan.on(Part::VirtualSurfaces);
         let constants = [Part::VirtualSurfaces.constant(u32::from(in_view)), plan.constant(Part::Specular)];
         Ok(Self(Kernel::new::<SamplingMaskPush>(gpu, "sampling_mask", shaders::SAMPLING_MASK, &constants)?))
     }
 
-    /// Records the clearing of the lists and the dispatch.
+    /// Records the clearing of the lists, and the dispatch.
     pub fn record(&self, frame: &mut Frame, view: &View, settings: &Settings, history_valid: bool) -> Result<()> {
         let push = SamplingMaskPush {
             dense: u32::from(!settings.sampling_mask),

@@ -11,16 +11,15 @@ use crate::{
 };
 use glam::Vec3;
 
-/// Device buffers of a scene.
 pub struct SceneBuffers {
-    /// What shaders read.
+    /// What shaders read, by name.
     pub resources: Resources,
     instances: Buffer,
     top_nodes: Buffer,
 }
 
 impl SceneBuffers {
-    /// Uploads what does not change; `instances` is the largest number of them.
+    /// Uploads what does not change. `instances` is the largest number of instances in any frame.
     pub fn new(gpu: &Gpu, scene: &PackedScene, instances: usize) -> Result<Self> {
         let mut resources = Resources::default();
         let mut add = |name: &'static str, buffer: Buffer| resources.add(name, Resource::Buffer(buffer));
@@ -46,7 +45,7 @@ impl SceneBuffers {
     }
 }
 
-/// Instances moved to coordinates relative to `centre` (world, metres).
+/// Moves instances to coordinates relative to `centre` (world, metres).
 pub fn relative_to(centre: Vec3, mut state: PackedInstances) -> PackedInstances {
     for instance in &mut state.instances {
         recentre(instance, centre);

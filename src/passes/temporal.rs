@@ -15,23 +15,22 @@ gpu_struct! {
     pub struct TemporalPush { pub history_valid: u32, pub filtered: u32, pub clamp_spread: f32 }
 }
 
-/// What temporal accumulates.
+/// What to accumulate.
 #[derive(Clone, Copy)]
 pub enum Input<'a> {
-    /// The traced pixels, and the interpolated ones where history is missing.
+    /// Traced pixels, and interpolated ones where there is no history.
     Irradiance,
-    /// What atrous made of them: every pixel counts.
+    /// What atrous made of them, where every pixel counts.
     Filtered([&'a Image; 2]),
 }
 
-/// The pass that accumulates over time.
 pub struct Temporal {
     still: Option<Kernel>,
     clamped: Option<Kernel>,
 }
 
 impl Temporal {
-    /// Builds the pipelines, without and with clamping, where either can be asked for.
+    /// Builds the pipelines with and without clamping, as far as the plan can use them.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let kernel = |clamp: u32| {
             let constants = [("CLAMP", clamp), plan.constant(Part::Specular)];
@@ -45,8 +44,8 @@ impl Temporal {
         })
     }
 
-    /// Records the dispatch, from this frame's irradiance, or from what atrous made of it, into a and b. `clamp_spread` in standard
-    /// deviations, 0 for none.
+    /// Records the dispatch, which accumulates `input` into a and b. `clamp_spread` is in standard deviations,
+    /// 0 for no clamping.
     pub fn record(
         &self,
         frame: &mut Frame,

@@ -1,5 +1,5 @@
-//! `trace_rays`: any rays against a panorama's surface, outside of a frame. `iprt bench --rays` times it, and the test of the tracer
-//! compares its answers with an oracle.
+//! `trace_rays`: traces any rays against a panorama's surface, outside of a frame. `iprt bench --rays` times
+//! it, and a test compares it with an oracle.
 
 use super::{
     depth_pyramid::DepthPyramid,
@@ -20,14 +20,15 @@ use crate::{
 use glam::{Vec2, Vec3};
 
 gpu_struct! {
-    /// A ray from `origin` (m, relative to the panorama's centre) in a unit `direction`, between two distances.
+    /// A ray from `origin` (m, relative to the panorama's centre) in a unit `direction`, from `t_min` to
+    /// `t_max`.
     pub struct TracedRay { pub origin: Vec3, pub t_min: f32, pub direction: Vec3, pub t_max: f32 }
 }
 
 gpu_struct! {
-    /// What a ray met: [`FREE`], [`SURFACE`] or [`SKIRT`] at `t` metres (1e30 where it left), where its radiance is read, the
-    /// triangle's normal (of any length), and whether it passed
-    /// through a skirt's far side (0 where nobody asked).
+    /// What a ray met: [`FREE`], [`SURFACE`] or [`SKIRT`] at `t` metres (1e30 if it left). `uv` is where its
+    /// radiance is read, `normal` the triangle's, of any length. `unknown` is 1 if it passed through a
+    /// skirt's far side, and 0 if that was not asked.
     pub struct RayAnswer { pub t: f32, pub kind: u32, pub uv: Vec2, pub normal: Vec3, pub unknown: u32 }
 }
 
@@ -35,25 +36,25 @@ gpu_struct! {
     struct Push { pub count: u32 }
 }
 
-/// The ray left.
+/// The ray left the panorama.
 pub const FREE: u32 = 0;
-/// It met a surface.
+/// The ray met a surface.
 pub const SURFACE: u32 = 1;
-/// It met a skirt within the thickness.
+/// The ray met a skirt within the thickness.
 pub const SKIRT: u32 = 2;
 
 /// How rays are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tracer {
-    /// Through the surface, exactly (`panorama_trace`).
+    /// Against the exact surface (`panorama_trace`).
     Surface,
-    /// The same, and whether they are unknown (`panorama_unknown`).
+    /// Also finds rays through far sides (`panorama_unknown`).
     FarSides,
-    /// Marched through the depth in so many steps (`panorama_march`).
+    /// Marched through the depth in this many steps (`panorama_march`).
     March(u32),
 }
 
-/// A panorama ready for rays.
+/// A panorama that is ready for rays.
 pub struct RayTracer {
     gpu: Gpu,
     kernel: Kernel,
@@ -73,14 +74,14 @@ pub struct RaySet {
 }
 
 impl RaySet {
-    /// How many.
+    /// The number of rays.
     pub fn count(&self) -> u32 {
         self.count
     }
 }
 
 impl RayTracer {
-    /// Uploads a panorama and prepares it as the renderer does. Of the settings, those of the real surface count.
+    /// Uploads a panorama and prepares it as the renderer does. Only the settings of the real surface matter.
     pub fn new(
         gpu: &Gpu,
         frame: &PanoramaFrame,
@@ -118,7 +119,7 @@ impl RayTracer {
         Ok(ready)
     }
 
-    /// Derives what rays need from the depth, as every new video frame does.
+    /// Derives from the depth what rays need, as each new video frame does.
     pub fn prepare(&self) -> Result<Timings> {
         let mut frame = self.gpu.frame()?;
         self.normals.record(&mut frame, &self.panorama, &self.view, self.quantisation, self.normal_radius)?;
@@ -127,19 +128,18 @@ impl RayTracer {
         frame.run()
     }
 
-    /// What the pyramid takes.
+    /// Bytes of the pyramid.
     pub fn pyramid_bytes(&self) -> u64 {
         self.panorama.pyramid_bytes()
     }
 
-    /// Uploads rays.
     pub fn rays(&self, rays: &[TracedRay]) -> Result<RaySet> {
         let count = u32::try_from(rays.len()).map_err(|_| Error::Internal("too many rays".into()))?;
         let answers = self.gpu.buffer("answers", size_of_val(rays) as u64)?;
         Ok(RaySet { count, rays: self.gpu.buffer_with("rays", rays)?, answers })
     }
 
-    /// Traces them; milliseconds on the device.
+    /// Traces the rays. Returns milliseconds on the device.
     pub fn trace(&self, set: &RaySet) -> Result<f64> {
         let mut frame = self.gpu.frame()?;
         let special = [("in_rays", Bind::from(&set.rays)), ("out_answers", Bind::from(&set.answers))];
@@ -149,7 +149,7 @@ impl RayTracer {
         Ok(frame.run()?.gpu_ms)
     }
 
-    /// The answers of the last time they were traced.
+    /// The answers from when the rays were last traced.
     pub fn answers(&self, set: &RaySet) -> Result<Vec<RayAnswer>> {
         let mut answers = self.gpu.read_buffer(&set.answers)?;
         answers.truncate(set.count as usize);

@@ -1,4 +1,4 @@
-//! `unknown`: which pixels of a camera off the capture point show what the capture never saw. For the window; no part of the frame.
+//! `unknown`: finds pixels that show what the capture never saw. For the window, outside of the frame.
 
 use super::{
     depth_pyramid::DepthPyramid,
@@ -11,11 +11,11 @@ use crate::{
     shaders,
 };
 
-/// The pass that marks what was never seen, with what it needs.
+/// The pass that marks such pixels, with its resources.
 pub struct Unknown {
     kernel: Kernel,
     depth_pyramid: DepthPyramid,
-    /// The renderer's, but for a pyramid of its own that has far sides too.
+    /// The renderer's panorama, but with a pyramid of its own that also has far sides.
     panorama: Panorama,
     prepared: Option<usize>,
     image: Option<Image>,
@@ -33,10 +33,10 @@ impl Unknown {
         })
     }
 
-    /// Finds them for a view whose data is that of its last frame; `video_frame` is that of the panorama.
+    /// Finds such pixels for a view that holds the data of its last frame. `video_frame` is the panorama's.
     ///
     /// # Errors
-    /// Fails if there is no memory, or if the device is lost.
+    /// Fails if the device is lost or out of memory.
     pub fn find(&mut self, gpu: &Gpu, view: &Resources, size: [u32; 2], video_frame: usize) -> Result<Image> {
         let image = match self.image.take().filter(|image| image.size() == size) {
             Some(image) => image,

@@ -1,4 +1,4 @@
-//! One picture being made: its images, its history, and the data that every pass reads.
+//! One picture in the making: its images, its history, and the data that every pass reads.
 
 use super::resources::{Resource, Resources};
 use crate::{
@@ -48,7 +48,7 @@ gpu_struct! {
 }
 
 impl ViewData {
-    /// Sets this and the previous viewpoint.
+    /// Sets the current and the previous viewpoint.
     pub fn look(&mut self, from: &Viewpoint, previous: &Viewpoint) {
         let axes = |v: &Viewpoint| {
             let m = Mat3::from_quat(v.rotation);
@@ -64,59 +64,59 @@ impl ViewData {
 
 /// Images, lists and history of one picture.
 pub struct View {
-    /// What it is for.
+    /// What the view is for.
     pub role: Role,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Everything by name.
+    /// Buffers and images by name.
     pub resources: Resources,
-    /// Where [`ViewData`] goes.
+    /// The buffer of [`ViewData`].
     pub data: Buffer,
-    /// Indirect arguments: real list, virtual list, tiles.
+    /// Arguments of indirect dispatches: real list, virtual list, tiles.
     pub arguments: Buffer,
-    /// Why the history is not to be used, if so: logged, and cleared by the next frame.
+    /// Why the history must not be used, if it must not. The next frame logs and clears this.
     pub history_reset: Option<&'static str>,
     /// The viewpoint of the previous frame.
     pub previous: Option<Viewpoint>,
 }
 
-/// What a view is for, which decides on what it holds.
+/// What a view is for, which decides what it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// What is shown.
+    /// The picture that is shown.
     Picture,
-    /// The relit panorama's map: no objects in view, no radiance.
+    /// The relit panorama's map, which shows no objects and holds no radiance.
     Relight,
 }
 
 /// The layer of real surfaces.
 pub const REAL: u32 = 0;
-/// The layer of virtual ones.
+/// The layer of virtual surfaces.
 pub const VIRTUAL: u32 = 1;
 
-/// Which of a pixel's surfaces an image holds values for.
+/// The surfaces of a pixel for which an image holds values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Holds {
-    /// None: the pixel's own, in one layer.
+    /// One value for the pixel itself.
     Pixel,
-    /// [`REAL`], and [`VIRTUAL`] where virtual surfaces are seen.
+    /// One value for each surface: [`REAL`], and [`VIRTUAL`] if virtual surfaces are seen.
     Surfaces,
-    /// The same, but [`VIRTUAL`] only where they have a GGX lobe.
+    /// As `Surfaces`, but with [`VIRTUAL`] only if virtual surfaces have a GGX lobe.
     Lobes,
 }
 
-/// An image of a view: `bind/images.glsl` says what it holds.
+/// An image of a view. `bind/images.glsl` says what it holds.
 struct Declared {
     name: &'static str,
     format: Format,
     holds: Holds,
-    /// Whether the previous frame's is kept.
+    /// Whether the previous frame's image is kept.
     history: bool,
-    /// The parts without any of which it is not there.
+    /// The image is left out if any of these parts is off.
     parts: &'static [Part],
-    /// It is not there with fewer levels of atrous.
+    /// The image is left out if there are fewer levels of atrous.
     levels: u32,
-    /// A map of irradiance has no use for it.
+    /// Whether the image is left out of the relit map.
     of_picture: bool,
 }
 
@@ -137,7 +137,7 @@ impl Declared {
         Self { of_picture: true, ..self }
     }
 
-    /// The part without which it is not there.
+    /// The part that the image needs and the plan leaves out.
     fn absent(&self, plan: &Plan, role: Role) -> Option<Part> {
         let missing = self.parts.iter().copied().find(|part| !plan.on(*part));
         let filter = (plan.settings.atrous_levels < self.levels).then_some(Part::Atrous);
@@ -156,7 +156,6 @@ impl Declared {
     }
 }
 
-/// All images.
 const DECLARED: &[Declared] = {
     use Format::{R32f, Rgba16f, Rgba32f, Rgba32u};
     use Holds::{Lobes, Pixel, Surfaces};
@@ -184,12 +183,12 @@ const DECLARED: &[Declared] = {
     ]
 };
 
-/// Whether an image holds a value for each of a pixel's surfaces, a layer each; [`REAL`] alone where no virtual one is seen.
+/// Whether an image holds a value for each of a pixel's surfaces, in a layer each.
 pub fn of_surfaces(image: &str) -> bool {
     DECLARED.iter().any(|declared| declared.name == image && declared.holds != Holds::Pixel)
 }
 
-/// Bytes of the list of pixels and the list of tiles.
+/// Bytes of the lists of pixels and of tiles.
 fn list_bytes(plan: &Plan, role: Role, size: [u32; 2]) -> [u64; 2] {
     if !plan.on(Part::Objects) {
         return [0; 2];
@@ -199,7 +198,7 @@ fn list_bytes(plan: &Plan, role: Role, size: [u32; 2]) -> [u64; 2] {
     [product(size), product(size.map(|side| side.div_ceil(8)))].map(|items| items * layers * 4)
 }
 
-/// What a view takes.
+/// Bytes of a view's images and lists.
 pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
     let of = |image: &Declared| {
         let absent = image.absent(plan, role).is_some();
@@ -211,7 +210,7 @@ pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
 }
 
 impl View {
-    /// Allocates what the plan asks for. `label` prefixes resource names in messages.
+    /// Allocates what the plan needs. `label` prefixes resource names in messages.
     pub fn new(gpu: &Gpu, label: &str, size: [u32; 2], plan: &Plan, role: Role) -> Result<Self> {
         let mut resources = Resources::default();
         for declared in DECLARED {

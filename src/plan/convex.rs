@@ -1,14 +1,15 @@
-//! Is a mesh convex and closed? Then no ray that leaves it meets it again.
+//! Finds out whether a mesh is convex and closed. A ray that leaves such a mesh never meets it again.
 
 use crate::scene::packed::TriangleGeometry;
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// More corners times triangles than this are not examined.
+/// Meshes with more corners times triangles than this are not examined.
 const MOST: usize = 1 << 27;
 
-/// Whether all corners lie behind the plane of each triangle, and the triangles together hide all directions from the inside once.
-/// Corners may stick out by `tolerance`, less than which rays start above a surface.
+/// Whether all corners lie behind the plane of each triangle, and the triangles cover every direction from
+/// the inside once. Corners may stick out by `tolerance`, which is less than the offset of rays from
+/// surfaces.
 pub fn is_convex(triangles: &[TriangleGeometry], tolerance: f64) -> bool {
     let corners: Vec<DVec3> =
         triangles.iter().flat_map(|t| [t.v0, t.v0 + t.e1, t.v0 + t.e2]).map(|v| v.as_dvec3()).collect();
@@ -22,7 +23,7 @@ pub fn is_convex(triangles: &[TriangleGeometry], tolerance: f64) -> bool {
         let normal = (b - a).cross(c - a);
         let Some(mut normal) = normal.try_normalize() else { return false };
         if normal.dot(a) < 0.0 {
-            normal = -normal; // the rays' surfaces have two sides, so winding does not count
+            normal = -normal; // surfaces have two sides for rays, so winding does not matter
         }
         let plane = normal.dot(a);
         if corners.iter().any(|v| normal.dot(*v - centre) > plane + tolerance) {

@@ -1,4 +1,4 @@
-//! What a plan must know of a scene.
+//! What a plan must know about a scene.
 
 use super::convex;
 use crate::{
@@ -14,59 +14,59 @@ use crate::{
 };
 use glam::{Quat, Vec3};
 
-/// Where the camera is over all its key frames; the largest distance from the capture point, metres.
+/// Where the camera's key frames are. Values are the largest distance from the capture point, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CameraPlace {
-    /// At the capture point.
+    /// Always at the capture point.
     Centre,
-    /// Never there.
+    /// Never at the capture point.
     Away(f32),
-    /// There at some time, perhaps.
+    /// At the capture point at some time, or perhaps so.
     Both(f32),
-    /// A user moves it by hand.
+    /// A user moves the camera by hand.
     Anywhere,
 }
 
-/// The least share of light above the mean at which `light_table.comp` draws lights, less what rounding may make of it.
+/// The least share of light above the mean for which lights are drawn, less a margin for rounding.
 pub const EVEN: f64 = 0.05 - 1e-4;
 
-/// What is known about a scene. What is not known for certain counts as needed.
+/// What is known about a scene. What is uncertain counts as needed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
     /// Width and height of the panorama's radiance, texels.
     pub color_size: [u32; 2],
-    /// Of its depth.
+    /// Width and height of the panorama's depth, texels.
     pub depth_size: [u32; 2],
-    /// Frames of the panorama.
+    /// The number of frames of the panorama.
     pub video_frames: usize,
-    /// How many frames will be rendered from one history, where that is known.
+    /// How many frames will be rendered from one history, if that is known.
     pub frames: Option<u32>,
-    /// A depth that is no hole.
+    /// Whether any texel has a depth.
     pub has_depth: bool,
-    /// The share of the panorama's light that is above its mean, where it does not change.
+    /// The share of the panorama's light that is above its mean. `None` if the panorama changes.
     pub light_share: Option<f64>,
-    /// Rows of the panorama that a pixel spans at the widest angle of the camera.
+    /// How many rows of the panorama a pixel spans at the camera's widest angle.
     pub footprint: f32,
-    /// Over the whole time.
+    /// Where the camera is over the whole time.
     pub camera: CameraPlace,
-    /// Placed meshes.
+    /// The number of placed meshes.
     pub instances: usize,
-    /// What moves.
+    /// Says what moves, if anything does.
     pub moving: Option<String>,
     /// Whether an object can be in the picture.
     pub in_view: bool,
-    /// What has a GGX lobe.
+    /// Says which materials have a GGX lobe, if any do.
     pub specular: Option<String>,
-    /// What shines.
+    /// Says which materials emit light, if any do.
     pub emissive: Option<String>,
-    /// What has a texture.
+    /// Says which materials have a texture, if any do.
     pub textured: Option<String>,
-    /// Whether a ray that has left a virtual surface can meet none again: `Ok`, or why it may.
+    /// `Ok` if a ray that has left a virtual surface can meet none again, else the reason why it may.
     pub alone: std::result::Result<(), String>,
 }
 
 impl Facts {
-    /// Examines a scene; loads the panorama's first frame.
+    /// Examines a scene. Loads the panorama's first frame.
     ///
     /// # Errors
     /// Fails if the panorama cannot be read.
@@ -115,8 +115,8 @@ impl Facts {
         })
     }
 
-    /// The same scene in a window. The user can move the camera and the objects by hand, so nothing is known of their places.
-    /// Pictures may be up to `shrink` times smaller each way than the facts were found for.
+    /// The facts of the same scene in a window. The user can move camera and objects by hand, so their places
+    /// are unknown. Pictures may be up to `shrink` times smaller each way than the facts were found for.
     pub(super) fn interactive(self, shrink: f32) -> Self {
         let by_hand = || "objects can be moved by hand".to_owned();
         Self {
@@ -137,12 +137,12 @@ fn camera_place(scene: &Scene) -> CameraPlace {
     match (places.iter().all(Viewpoint::centred), places.len()) {
         (true, _) => CameraPlace::Centre,
         (false, 1) => CameraPlace::Away(most),
-        (false, _) => CameraPlace::Both(most), // it may come by on its way
+        (false, _) => CameraPlace::Both(most), // its path may pass the capture point
     }
 }
 
-/// Whether an object may be in the picture. It is not where neither camera nor objects move and each object's box is
-/// on the far side of one plane of the view, which is a pixel wider than the picture.
+/// Whether an object may be in the picture. It cannot be if neither camera nor objects move and each object's
+/// box is outside one side of the view, which is taken to be a pixel wider than the picture.
 fn in_view(scene: &Scene, options: &RenderOptions, objects_move: bool) -> bool {
     if options.projection == Projection::Equirect || objects_move || !scene.camera.is_constant() {
         return true;
@@ -152,7 +152,7 @@ fn in_view(scene: &Scene, options: &RenderOptions, objects_move: bool) -> bool {
     let tan_y = (0.5 * camera.fov_y_degrees.to_radians()).tan();
     let pixel = 2.0 * tan_y / height;
     let (x, y) = (tan_y * width / height + 2.0 * pixel, tan_y + 2.0 * pixel);
-    // inward normals of the four sides, and of what is ahead
+    // inward normals of the four sides, and the forward direction
     let sides = [
         Vec3::new(-1.0, 0.0, -x),
         Vec3::new(1.0, 0.0, -x),
@@ -167,7 +167,8 @@ fn in_view(scene: &Scene, options: &RenderOptions, objects_move: bool) -> bool {
     })
 }
 
-/// One convex object that nothing real comes near and whose inside no camera sees: a ray that leaves it meets no object again.
+/// `Ok` if no ray that leaves an object meets one again: there is only one, it is convex, and nothing real and
+/// no camera is in it. Otherwise says why not.
 fn alone(scene: &Scene, first: &PanoramaFrame, still: bool) -> std::result::Result<(), String> {
     if scene.instance_count() != 1 {
         return Err("objects may see each other".to_owned());
@@ -175,7 +176,7 @@ fn alone(scene: &Scene, first: &PanoramaFrame, still: bool) -> std::result::Resu
     if !still {
         return Err("the object may come to where something is inside it".to_owned());
     }
-    // half of what rays start above a virtual surface, in the object's own units
+    // the tolerance is half the offset of rays from virtual surfaces, in the object's own units
     let rows =
         scene.at(0.0, 0.0).instances.instances.first().map_or([[0.0; 4]; 3], |instance| instance.object_to_world);
     let scale = rows.iter().flat_map(|row| &row[..3]).map(|v| f64::from(v * v)).sum::<f64>().sqrt();
@@ -193,7 +194,7 @@ fn alone(scene: &Scene, first: &PanoramaFrame, still: bool) -> std::result::Resu
     Ok(())
 }
 
-/// Whether a quad of the real surface, or where its rays start, may be in a box. A pole's fan counts as a quad of its row's.
+/// Whether a quad of the real surface, or a ray's start on it, may be in a box. A pole's fan is one quad.
 fn touches_surface(scene: &Scene, frame: &PanoramaFrame, bounds: Bounds) -> bool {
     let [width, height] = frame.depth_size;
     let turn = Quat::from_rotation_y(scene.panorama.yaw_degrees.to_radians());
@@ -203,7 +204,8 @@ fn touches_surface(scene: &Scene, frame: &PanoramaFrame, bounds: Bounds) -> bool
     };
     let overlaps = |points: &[Vec3]| {
         let farthest = points.iter().map(|p| p.length()).fold(0.0, f32::max);
-        // rays start 0.2 % of their distance off the surface; depth moves on its plane by less than that again, or its codes' step
+        // rays start 0.2 % of the distance off the surface, and depth moves by less, or by a step of its
+        // codes
         let around = Bounds::of(points.iter().map(|p| *p + scene.panorama.position)).grown(0.01 * farthest + 1e-3);
         !points.is_empty() && around.overlaps(&bounds)
     };

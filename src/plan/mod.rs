@@ -1,8 +1,8 @@
-//! Which parts of the model a scene needs: decided before the first frame, from what the scene holds and from the settings.
+//! Decides which parts of the model a scene needs, before the first frame, from the scene and the settings.
 //!
-//! A part that the scene cannot show is not dispatched, not compiled in and not allocated; whoever builds something asks
-//! [`Plan::on`]. A part is left out only where that cannot change the picture, whatever the random numbers: the criterion of each
-//! is in [`Facts`] and in `Plan::needed`. What a user sets wins.
+//! A part that is off is not dispatched, compiled in or allocated. Whoever builds something asks
+//! [`Plan::on`]. A part is left out only if that cannot change the picture, whatever the random numbers.
+//! [`Facts`] and `Plan::needed` hold the criterion of each. A value that the user sets wins.
 
 pub mod convex;
 pub mod facts;
@@ -19,27 +19,25 @@ use crate::{
     settings::{Directions, FilterOrder, MaskBy, Method, RealTracer, Settings, VirtualTracer},
 };
 
-/// Who decided.
+/// Who decided on a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum By {
     /// The scene needs it, or cannot show it.
     Scene,
-    /// The method's own settings leave it out.
+    /// The settings of the method leave it out.
     Method,
-    /// The part that it needs is off.
+    /// Another part that it needs is off.
     Need(Part),
-    /// It was set.
+    /// The user set it.
     Set,
 }
 
-/// What was decided on a part.
+/// The decision on a part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
-    /// The part.
     pub part: Part,
-    /// Whether it is there.
+    /// Whether it is on.
     pub on: bool,
-    /// Who decided.
     pub by: By,
     /// Why, in a few words.
     pub why: String,
@@ -50,25 +48,25 @@ pub struct Decision {
 pub struct Plan {
     /// A decision on each part, in the order of [`Part::ALL`].
     pub parts: Vec<Decision>,
-    /// The settings that the frame runs by: as given, parts left out being at the value by which they are off.
+    /// The settings of the frame. Each part that is left out has its setting's off value here.
     pub settings: Settings,
-    /// What the scene holds.
+    /// What is known about the scene.
     pub facts: Facts,
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
-    /// Preset that the settings started from.
+    /// The preset from which the settings started.
     pub method: Method,
     asked: Settings,
 }
 
-/// Plans are the same if the same renderer serves both; why does not count.
+/// Two plans are equal if one renderer serves both. The reasons do not matter.
 impl PartialEq for Plan {
     fn eq(&self, other: &Self) -> bool {
         let key = |plan: &Self| {
             let on: Vec<bool> = plan.parts.iter().map(|part| part.on).collect();
             (on, plan.size, plan.looks_up(), plan.color_levels(), plan.facts.color_size, plan.facts.depth_size)
         };
-        // the parts' own switches have done their work
+        // switches of parts have no effect besides the parts themselves
         let switches = |name: &str| Part::ALL.iter().any(|part| part.is_switch() && part.row().setting == name);
         let values = |plan: &Self| -> Vec<_> {
             plan.settings.values().into_iter().filter(|(name, _)| !switches(name)).collect()
@@ -78,7 +76,7 @@ impl PartialEq for Plan {
 }
 
 impl Plan {
-    /// Examines a scene. `frames`: how many will be rendered from one history, where that is known. Loads the panorama's first frame.
+    /// Examines a scene from its first video frame. `frames` is how many share one history, if that is known.
     ///
     /// # Errors
     /// Fails if the panorama cannot be read.
@@ -86,8 +84,8 @@ impl Plan {
         Ok(Self::decide(Facts::of(scene, options, frames)?, options.size, options.method, &options.settings))
     }
 
-    /// Examines a scene for a window, where the user moves the camera and the objects by hand. Pictures may be up to `shrink` times
-    /// smaller each way than the size in `options`. Loads the panorama's first frame.
+    /// Examines a scene for a window, where the user moves the camera and the objects by hand. Pictures may
+    /// be up to `shrink` times smaller each way than the size in `options`. Loads the panorama's first frame.
     ///
     /// # Errors
     /// Fails if the panorama cannot be read.
@@ -96,7 +94,7 @@ impl Plan {
         Ok(Self::decide(facts, options.size, options.method, &options.settings))
     }
 
-    /// The same scene by other settings.
+    /// The plan of the same scene with other settings.
     pub fn with(&self, settings: &Settings) -> Self {
         Self::decide(self.facts.clone(), self.size, self.method, settings)
     }
@@ -131,7 +129,7 @@ impl Plan {
         decided(on, By::Scene, why)
     }
 
-    /// Whether the scene can show a part, and why or why not. Parts before it are decided.
+    /// Whether the scene needs a part, and the reason. The parts before it must have been decided.
     fn needed(&self, part: Part) -> (bool, String) {
         let (facts, settings) = (&self.facts, &self.settings);
         let found =
@@ -192,7 +190,7 @@ impl Plan {
             ),
             Part::Motion if facts.video_frames > 1 && self.on(Part::Video) => (true, "the video changes".to_owned()),
             Part::Motion => found(&facts.moving, "nothing but the camera moves"),
-            // without history all pixels are newly seen
+            // without a history, all pixels are newly seen
             Part::SamplingMask if !settings.temporal && settings.short_history > 0 => {
                 (false, "there is no history, so every pixel is newly seen and traced".to_owned())
             }
@@ -203,7 +201,7 @@ impl Plan {
                 (false, format!("rays_per_pixel = {}", settings.rays_per_pixel))
             }
             Part::SamplingMask => (true, "a share of the pixels is traced each frame".to_owned()),
-            // sampling_mask traces whatever temporal would find no history for, and an interpolated value adds nothing to one
+            // sampling_mask traces what has no history, and interpolated values add nothing to a history
             Part::Interpolate
                 if self.on(Part::Temporal)
                     && settings.short_history > 0
@@ -216,7 +214,7 @@ impl Plan {
         }
     }
 
-    /// Parts that are off leave their mark on the settings. Those that are switches alone do not, as nothing else reads them.
+    /// Sets the setting of a part that is off to its off value. Mere switches stay, as nothing reads them.
     fn apply(&mut self, decision: &Decision) {
         let row = decision.part.row();
         if !decision.on && !decision.part.is_switch() {
@@ -224,12 +222,12 @@ impl Plan {
         }
     }
 
-    /// Whether a part is there.
+    /// Whether a part is on.
     pub fn on(&self, part: Part) -> bool {
         self.parts.iter().any(|decision| decision.part == part && decision.on)
     }
 
-    /// What was decided on a part, for people: `specular is off: all materials are pure Lambert`.
+    /// The decision on a part for people to read: `specular is off: all materials are pure Lambert`.
     pub fn reason(&self, part: Part) -> String {
         let decision = self.parts.iter().find(|decision| decision.part == part);
         decision.map_or(String::new(), |d| {
@@ -247,7 +245,7 @@ impl Plan {
         })
     }
 
-    /// The plan with one part forced the other way.
+    /// The plan with this one part forced the other way.
     pub fn flipped(&self, decision: &Decision) -> Result<Self> {
         let mut settings = self.asked.clone();
         for (name, value) in decision.part.forced(!decision.on, self.method) {
@@ -256,7 +254,7 @@ impl Plan {
         Ok(self.with(&settings))
     }
 
-    /// A part's specialization constant, and its value: whether the part is on, or, where its setting names one of several ways, which.
+    /// A part's specialization constant. It says whether the part is on, or which of several ways is set.
     pub fn constant(&self, part: Part) -> Constant {
         part.constant(match part {
             Part::RealTracer => self.settings.real_tracer as u32,
@@ -265,17 +263,17 @@ impl Plan {
         })
     }
 
-    /// Parts whose code is compiled into passes that run in any case.
+    /// Parts whose code is compiled into passes that other parts need as well.
     pub fn code(&self) -> impl Iterator<Item = Part> {
         Part::ALL.into_iter().filter(|part| part.row().constant.is_some() && self.on(*part))
     }
 
-    /// Whether primary rays ever look real surfaces up: the camera is at the capture point at some time, or taken to be.
+    /// Whether primary rays ever look the panorama up by direction, with the camera at the capture point.
     pub fn looks_up(&self) -> bool {
         !(self.on(Part::OffCentre) && matches!(self.facts.camera, CameraPlace::Away(_)))
     }
 
-    /// Mip levels of the panorama's radiance.
+    /// The number of mip levels of the panorama's radiance.
     pub fn color_levels(&self) -> u32 {
         let [width, height] = self.facts.color_size;
         let deepest = 32 - width.max(height).leading_zeros();
@@ -283,7 +281,7 @@ impl Plan {
         if self.on(Part::RadiancePyramid) { levels.max(2).min(deepest) } else { 1 }
     }
 
-    /// Whether anything needs real surfaces: their normals, and depth off its steps.
+    /// Whether anything needs the normals of real surfaces, and depth without its codes' steps.
     pub fn geometry(&self) -> bool {
         self.on(Part::Objects) || self.on(Part::OffCentre)
     }
@@ -294,7 +292,7 @@ impl Plan {
     }
 }
 
-/// A setting of this value leaves the decision to the plan.
+/// The value of a setting that leaves the decision to the plan.
 const AUTO: &str = "auto";
 
 fn count(n: usize, one: &str, many: &str) -> String {

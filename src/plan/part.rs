@@ -1,4 +1,4 @@
-//! The parts of the model: one table, a row each.
+//! The table of the model's parts, with one row for each.
 
 use crate::{
     gpu::Constant,
@@ -6,24 +6,23 @@ use crate::{
 };
 use std::fmt::Write;
 
-/// What is fixed about a part.
+/// One row of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Its name.
     pub name: &'static str,
     /// The key of `--set` that forces it on or off.
     pub setting: &'static str,
-    /// The value of that setting by which it is off.
+    /// The value of that setting that turns it off.
     pub off: &'static str,
-    /// The part without which it has no meaning.
+    /// The part that it depends on.
     pub needs: Option<Part>,
-    /// The specialization constant that compiles it in.
+    /// The specialization constant that compiles it in, if there is one.
     pub constant: Option<&'static str>,
-    /// What it is.
+    /// What the part is.
     pub what: &'static str,
-    /// Where the scene cannot show it; `Plan::needed` decides so.
+    /// When a scene cannot show it, as `Plan::needed` decides.
     pub off_where: &'static str,
-    /// What is left out with it.
+    /// What is left out if it is off.
     pub leaves_out: &'static str,
 }
 
@@ -34,7 +33,7 @@ macro_rules! parts {
         pub enum Part { $( #[doc = $what] $part, )* }
 
         impl Part {
-            /// All.
+            /// All parts.
             pub const ALL: [Self; TABLE.len()] = [ $( Self::$part, )* ];
         }
 
@@ -136,17 +135,16 @@ impl Part {
         &TABLE[self as usize]
     }
 
-    /// Its name.
     pub const fn name(self) -> &'static str {
         self.row().name
     }
 
-    /// Whether its setting does nothing but force it.
+    /// Whether its setting only forces it on or off.
     pub fn is_switch(self) -> bool {
         self.row().off == "off"
     }
 
-    /// The value of its setting by which it is on: the method's own, or, where that leaves it out, that of `iprt`.
+    /// The value of its setting that turns it on: the method's, or that of `iprt` if the method's is off.
     pub fn value_on(self, method: Method) -> String {
         let Row { setting, off, .. } = *self.row();
         let of = |method| Settings::of(method).value(setting).unwrap_or_default();
@@ -156,7 +154,7 @@ impl Part {
         }
     }
 
-    /// What to set, so that it is on or off whatever the scene holds.
+    /// The settings that force it on or off, whatever the scene holds.
     pub fn forced(self, on: bool, method: Method) -> Vec<(&'static str, String)> {
         let Row { setting, off, needs, .. } = *self.row();
         if !on {
@@ -167,7 +165,7 @@ impl Part {
         set
     }
 
-    /// Its specialization constant with a value; the name of a part that has none is in no shader, and making a pass says so.
+    /// Its specialization constant with a value. Making a pass fails if the part has none.
     pub fn constant(self, value: u32) -> Constant {
         (self.row().constant.unwrap_or(self.name()), value)
     }
@@ -189,7 +187,7 @@ impl Part {
         out
     }
 
-    /// The table as text: each part with what it is and the settings that force it.
+    /// The table as text: each part, what it is, and the settings that force it.
     pub fn help() -> String {
         let mut out = "Parts, and the settings that force them on or off:".to_owned();
         for part in Self::ALL {
