@@ -1,9 +1,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Pass 5, atrous: one level of an edge-avoiding 5×5 B3-spline filter with steps 1, 2, 4, 8, 16 (Dammertz et
-// al. 2010). The fifth level spans 65×65. Plane distance, normal and object id guide it. So does luminance
-// against the standard deviation of the accumulated mean, as in SVGF (Schied et al. 2017, eq. 3–5). E_R and
-// ΔE share one set of weights, taken from ΔE. The Lambert and the GGX lobe of virtual surfaces have their
+// al. 2010). The fifth level spans 65×65. Plane distance, normal and object id guide it. So does luminance,
+// relative to the standard deviation of the accumulated mean, as in SVGF (Schied et al. 2017, eq. 3–5). E_R
+// and ΔE share one set of weights, taken from ΔE. The Lambert and the GGX lobe of virtual surfaces have their
 // own, and the GGX lobe's radius shrinks with roughness.
 // In: tiles, a, b (w: variance), or irradiance_a, _b if the paper's order puts this before temporal;
 // position, normal, motion.w (id), moments. Out: a, b.
@@ -16,8 +16,8 @@ layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(push_constant, scalar) uniform Push {
     int step_size;
-    float sigma_luminance; // FAR: luminance does not count
-    uint raw;              // one frame's values, not accumulated: their w is no variance
+    float sigma_luminance; // FAR: luminance is ignored
+    uint raw;              // 1: the input is one frame's, and its w is no variance
 } push;
 
 const float KERNEL[3] = float[3](0.375, 0.25, 0.0625);
@@ -41,7 +41,7 @@ void main() {
     bool known = a.w >= 0.0;
     bool measure = young || !known;
 
-    // This is the centre's variance, smoothed over 3×3 as in SVGF.
+    // The centre's variance is smoothed over 3×3, as in SVGF.
     vec2 variance = vec2(0.0);
     float variance_total = 0.0;
     for (int y = -1; y <= 1; y++) {
@@ -58,11 +58,11 @@ void main() {
     variance /= max(variance_total, 1e-6);
     vec2 inverse = measure || push.sigma_luminance >= FAR || FAULT == FAULT_FILTER_BLIND ? vec2(0.0) : 1.0 / (push.sigma_luminance * sqrt(variance) + 1e-6);
 
-    // A mirror is not filtered at all, and the lobe of roughness ½ over the whole kernel.
+    // A mirror is not filtered at all. A lobe of roughness ½ or more is filtered with the whole kernel.
     float lobe = layer == VIRTUAL ? 64.0 * normal.w * normal.w : 1e6;
     float pixel = position.w * pixel_angle();
     vec3 sum_a = vec3(0.0), sum_b = vec3(0.0);
-    // A pixel with no neighbour on its surface (noise in depth, a sliver) takes its neighbours' light
+    // A pixel that has no neighbour on its surface (noise in depth, a sliver) takes its neighbours' light
     // whatever their surface.
     vec3 loose_a = vec3(0.0), loose_b = vec3(0.0);
     float loose_total = 0.0, geometry_total = 0.0;
@@ -109,7 +109,7 @@ void main() {
     vec2 out_variance = variance_sum / (total * total);
     if (measure) {
         vec2 mean = first / total;
-        out_variance = max(out_variance, max(second / total - mean * mean, vec2(0.0)) * 0.15); // 0.15: Σw² of the kernel
+        out_variance = max(out_variance, max(second / total - mean * mean, vec2(0.0)) * 0.15); // the kernel's Σw²
     }
     imageStore(out_a, ivec3(p, layer), vec4(sum_a / total.x, out_variance.x));
     if (has_b(layer)) imageStore(out_b, ivec3(p, layer), vec4(sum_b / total.y, out_variance.y));

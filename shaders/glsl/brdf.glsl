@@ -60,7 +60,7 @@ vec3 brdf_specular(Surface s, Lobes l, vec3 to_eye, vec3 d, out float density) {
     if (alpha < MIRROR_ALPHA || ni <= 0.0 || dot(d, s.geometric) <= 0.0) return vec3(0.0);
     vec3 h = normalize(to_eye + d);
     float nh = max(dot(s.normal, h), 0.0), oh = max(dot(to_eye, h), 0.0);
-    vec3 aside = cross(s.normal, h); // 1 − nh² without its cancellation
+    vec3 aside = cross(s.normal, h); // its square is 1 − nh², without cancellation
     float a2 = alpha * alpha, k = nh * nh * a2 + dot(aside, aside);
     float distribution = a2 / (PI * k * k);
     float lo = smith_lambda(no, alpha), li = smith_lambda(ni, alpha);
@@ -68,8 +68,8 @@ vec3 brdf_specular(Surface s, Lobes l, vec3 to_eye, vec3 d, out float density) {
     return brdf_fresnel(s, oh) * l.scale * (distribution / (4.0 * no * (1.0 + lo + li)));
 }
 
-// Draws a direction of the GGX lobe by visible normals (Dupuy and Benyoub 2023). A mirror's weight f·cos/p is
-// `mirror`.
+// Draws a direction of the GGX lobe by visible normals (Dupuy and Benyoub 2023). The weight f·cos/p of a
+// mirror is `mirror`.
 vec3 brdf_sample_specular(Surface s, Lobes l, vec3 to_eye, vec2 u, out vec3 mirror) {
     float alpha = s.roughness * s.roughness;
     mat3 frame = basis(s.normal);

@@ -1,4 +1,5 @@
-// What every pass shares: the view, random numbers, small maths. All positions are in metres relative to the
+// What all passes share: the view, random numbers, maths. Positions are in metres relative to the panorama's
+// centre, along the world's axes.
 // panorama's centre, along the world's axes.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Pass 6, composite: differential rendering with fractional M (IPRT eq. 2, with ΔE = E_RV − E_R): L =
-// M·(L_cam + ΔE·k) + (1 − M)·(L_e + k_V·E/π + L_GGX), k = min(L_cam/E_R, 1/π), or L_cam/E_R as the paper has
-// it.
+// M·(L_cam + ΔE·k) + (1 − M)·(L_e + k_V·E/π + L_GGX), where k = min(L_cam/E_R, 1/π), or L_cam/E_R as in the
+// paper.
 // In: camera_radiance (L_cam), real_coverage (M), albedo_virtual (k_V), emission (L_e), mask, a (E_R | E), b
 // (ΔE | L_GGX). Out: radiance, alpha 1.
 #include "common.glsl"

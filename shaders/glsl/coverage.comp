@@ -1,10 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 1, gbuffer (second dispatch): the fraction M of each pixel that shows the real scene, by sub-pixel
-// rays where the 3×3 neighbourhood holds both kinds of surface. A pixel whose centre is real but whose edge
-// is virtual gets its virtual surface here, from the sub-pixel hit nearest to the centre. In:
-// camera_radiance.w (M at the centre); panorama, scene. Out: coverage (0…1); position, normal, motion, k_V,
-// emission, hit.
+// Pass 1, gbuffer (second dispatch): the fraction M of each pixel that shows the real scene. Sub-pixel rays
+// find it where the 3×3 neighbourhood holds both kinds of surface. A pixel whose centre is real but whose
+// edge is virtual gets its virtual surface here, from the sub-pixel hit nearest to the centre.
+// In: camera_radiance.w (M at the centre); panorama, scene. Out: coverage (0…1); position, normal, motion,
+// k_V, emission, hit.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -32,7 +32,7 @@ void main() {
         imageStore(out_real_coverage, p, vec4(centre));
         return;
     }
-    // a rotated grid-free set: the R2 sequence (Roberts 2018)
+    // The offsets are points of the R2 sequence (Roberts 2018).
     uint n = in_view.view.coverage_samples;
     float real_count = 0.0, nearest = FAR;
     SceneHit best;

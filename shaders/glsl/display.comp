@@ -18,9 +18,9 @@ layout(push_constant, scalar) uniform Push {
     uint look;
     uint layer;
     uint plus;     // 1: add other
-    int channel;   // the one that counts, or -1
+    int channel;   // the channel to show, or -1 for all
     float exposure;
-    float raised;  // inverse_tonemap; at most 1: nothing was raised
+    float raised;  // inverse_tonemap; at most 1 if nothing was raised
     float scale;   // the panorama's exposure
     uint marks;    // 1: show where marked is not 0
 } push;
@@ -30,7 +30,7 @@ vec3 srgb(vec3 x) {
     return mix(12.92 * x, 1.055 * pow(x, vec3(1.0 / 2.4)) - 0.055, greaterThan(x, vec3(0.0031308)));
 }
 
-// Does what `tone::compress` does: the largest component comes down, the others in proportion.
+// Does what `tone::compress` does: the largest component is compressed, and the others in proportion.
 vec3 lowered(vec3 radiance) {
     if (push.raised <= 1.0) return radiance;
     const float KNEE = 0.6; // as in panorama/tone.rs
@@ -54,7 +54,7 @@ vec3 hue(uint id) {
     return 0.35 + 0.6 * clamp(abs(fract(h + vec3(0.0, 2.0 / 3.0, 1.0 / 3.0)) * 6.0 - 3.0) - 1.0, 0.0, 1.0);
 }
 
-// Dark blue, green, yellow, white. `Look::color` has the same.
+// Dark blue, green, yellow, white. `Meaning::color` has the same.
 vec3 ramp(float x) {
     x = clamp(x, 0.0, 1.0);
     return clamp(vec3(2.2 * x - 0.7, 1.5 * x, 0.25 + 1.2 * x * (1.0 - x) + max(0.0, 4.0 * x - 3.0)), 0.0, 1.0);
@@ -63,7 +63,7 @@ vec3 ramp(float x) {
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(p, ivec2(push.size)))) return;
-    // What a scene has no use for is an image of one texel and one layer.
+    // An input that a scene does not use is bound to an image of one texel and one layer.
     ivec3 at = min(ivec3(p, int(push.layer)), textureSize(in_image, 0) - 1);
     vec4 value = push.look == CODE ? vec4(0.0) : texelFetch(in_image, at, 0);
     vec4 other = texelFetch(in_other, min(at, textureSize(in_other, 0) - 1), 0);

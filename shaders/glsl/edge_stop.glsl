@@ -1,7 +1,7 @@
-// Says whether two pixels lie on one surface: the weights of interpolate, temporal and atrous.
+// Weighs how well two pixels lie on one surface, for interpolate, temporal and atrous.
 
-// `scale` is the distance between the pixels on the surface, in metres. The plane distance is measured
-// against it and against the depth noise of a capture, half a percent of the distance.
+// `scale` is the distance between the pixels on the surface, in metres. The plane distance is compared with
+// it and with the depth noise of a capture, half a percent of the distance.
 float geometry_weight(vec4 position, vec4 normal, float id, vec4 other_position, vec4 other_normal, float other_id, float scale) {
     if (FAULT == FAULT_FILTER_BLIND) return 1.0;
     if (other_position.w <= 0.0 || other_id != id) return 0.0;

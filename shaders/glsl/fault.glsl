@@ -1,5 +1,6 @@
-// A deliberate fault, by which the stability suite proves that its cases can fail: `Fault` in src/passes/fault.rs. Only the
-// cargo feature `faults` builds shaders with them. In all others FAULT is 0 and the compiler drops what depends on it.
+// A deliberate fault, by which tests prove that the stability suite notices faults (`Fault` in
+// src/passes/fault.rs). Only the cargo feature `faults` builds shaders with it. In all others FAULT is 0, and
+// the compiler drops what depends on it.
 #ifdef FAULTS
 layout(constant_id = 8) const uint FAULT = 0u;
 #else

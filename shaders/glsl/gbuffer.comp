@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Pass 1, gbuffer: primary visibility of panorama and objects at each pixel's centre (IPRT §2,
-// "preprocessing"). If nothing is inserted, it writes L_cam alone, and for a map of irradiance real surfaces
-// alone.
+// "preprocessing"). If no object is inserted, it writes L_cam alone. For a map of irradiance it writes real
+// surfaces alone.
 // In: panorama radiance, depth and normals; the scene. Out: position (m), normal, motion (pixels), L_cam
 // (radiance), k_V, emission, hit, for the real and the virtual surface. M at the centre goes to
 // camera_radiance.w, and coverage refines it.
@@ -38,7 +38,7 @@ void main() {
     bool has_real = real.t < FAR;
     vec3 point = in_view.view.position + d * (has_real ? real.t : 0.0);
     vec3 normal = imageLoad(in_panorama_normal, real.texel).xyz;
-    if (dot(normal, d) > 0.0) normal = -normal; // seen from behind, by a camera off the centre
+    if (dot(normal, d) > 0.0) normal = -normal; // a camera off the centre sees it from behind
     imageStore(out_position, ivec3(p, REAL), vec4(point, has_real ? real.t : 0.0));
     imageStore(out_normal, ivec3(p, REAL), vec4(has_real ? normal : vec3(0.0), 1.0));
     imageStore(out_motion, ivec3(p, REAL), has_real ? motion_of(pixel, point, 0.0) : vec4(0.0));

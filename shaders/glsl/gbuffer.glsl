@@ -1,12 +1,11 @@
-// What gbuffer and coverage share: the real surface a primary ray meets, and how a virtual one is written.
-layout(constant_id = 0) const uint OFF_CENTRE = 0; // 1: the camera is not at the panorama's centre, primary rays are traced
-layout(constant_id = 9) const uint FILL_UNSEEN = 0; // 1: where the capture saw nothing, what lies behind an edge is carried on
+// What gbuffer and coverage share: the real surface that a primary ray meets, and the writing of a virtual one.
+layout(constant_id = 0) const uint OFF_CENTRE = 0; // 1: primary rays are traced, not looked up
+layout(constant_id = 9) const uint FILL_UNSEEN = 0; // 1: what lies behind an edge fills what the capture never saw
 
 struct RealPoint { float t; vec2 uv; ivec2 texel; };
 
-// Finds what a primary ray shows where the capture saw nothing. On a skirt that is its farther side: of the
-// texel that it hangs from and its neighbours, the farthest. For a ray that leaves behind an edge, it is what
-// the ray passed before it went there.
+// Finds what a primary ray shows where the capture saw nothing. A skirt shows the farthest of the texel that
+// it hangs from and its neighbours. A ray that leaves behind an edge shows what it passed before the edge.
 void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
     ivec2 size = ivec2(in_view.view.depth_size);
     if (kind == SKIRT) {
@@ -22,7 +21,7 @@ void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
     }
     vec3 origin = in_view.view.position;
     vec2 passed = panorama_uv(origin);
-    for (int k = 1; k <= 96; k++) { // 5 cm to 100 m, each step 8 % of the way
+    for (int k = 1; k <= 96; k++) { // from 5 cm to 100 m in steps of 8 %
         vec3 point = origin + d * (0.05 * exp(0.08 * float(k)));
         vec2 uv = panorama_uv(point);
         float depth = imageLoad(in_depth, wrap_texel(ivec2(floor(uv * vec2(size))), size) + ivec2(0, 1)).x;
@@ -71,8 +70,7 @@ void write_virtual(ivec2 p, SceneHit hit, vec3 d) {
     }
     imageStore(out_position, ivec3(p, VIRTUAL), vec4(s.position, hit.t));
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(to_half(s.normal), s.roughness));
-    // This is relative to where the ray meets the image, so that a surface seen beside the pixel's centre is
-    // followed, too.
+    // Relative to where the ray meets the image, so that a surface seen beside the pixel's centre is followed.
     vec4 motion = motion_of(vec2(p) + 0.5, previous, float(in_instances.instance[hit.instance].id));
     imageStore(out_motion, ivec3(p, VIRTUAL), motion);
     imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, s.metallic));

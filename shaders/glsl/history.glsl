@@ -1,8 +1,8 @@
 // The previous frame, and whether it holds a pixel's surface. sampling_mask and temporal ask the same
-// question, so that what is not traced has a history.
+// question, so that each untraced pixel has a history.
 
-// A history texel counts if it was this surface: the same object, at the distance that this point then had,
-// facing alike. `q` wraps.
+// Says whether a history texel was this surface: the same object, at the distance that this point then had,
+// facing the same way. `q` wraps.
 float history_weight(inout ivec2 q, int layer, vec4 motion, vec3 normal) {
     if (!neighbour(q)) return 0.0;
     vec4 then = imageLoad(history_position, ivec3(q, layer));

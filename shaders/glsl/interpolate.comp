@@ -37,8 +37,8 @@ void main() {
             total += w;
         }
     }
-    // Without a traced neighbour on this surface nothing is known (w < 0). temporal and atrous mend that from
-    // theirs.
+    // Without a traced neighbour on this surface nothing is known (w < 0). temporal fills that from its
+    // history, and atrous from its neighbours.
     bool known = total > 1e-6;
     imageStore(irradiance_a, ivec3(p, layer), known ? vec4(a.rgb / total, 0.0) : vec4(vec3(0.0), -1.0));
     if (has_b(layer)) imageStore(irradiance_b, ivec3(p, layer), known ? b / total : vec4(0.0));

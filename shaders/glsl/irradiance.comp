@@ -21,9 +21,9 @@ layout(push_constant, scalar) uniform Push { float screen_thickness; float scree
 layout(constant_id = 1) const uint LAYER = 0;
 layout(constant_id = 4) const uint REAL_TRACER = 0;
 layout(constant_id = 5) const uint VIRTUAL_TRACER = 0;
-const uint MARCH = 1u;     // of REAL_TRACER
-const uint DIRECTION = 2u; // of REAL_TRACER
-const uint SCREEN = 1u;    // of VIRTUAL_TRACER
+const uint MARCH = 1u;     // value of REAL_TRACER
+const uint DIRECTION = 2u; // value of REAL_TRACER
+const uint SCREEN = 1u;    // value of VIRTUAL_TRACER
 
 #include "march.glsl"
 #include "screen.glsl"
@@ -43,16 +43,16 @@ SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
 
 vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv); }
 
-// A ray drawn from a lobe and from the panorama's lights together. One of the two strategies is drawn, and
-// the weight f·cos/p is that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real`
-// is what it meets of the real scene.
+// A ray drawn from a lobe and the panorama's lights together. One of the two strategies is drawn, and the
+// weight f·cos/p is that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real` is
+// what the ray meets of the real scene.
 struct Ray {
     vec3 d;
     vec3 weight;
     PanoramaHit real;
 };
 
-// Aims at a light. Returns false if what was drawn is behind the surface.
+// Aims at a light. Returns false if the direction drawn is behind the surface.
 bool toward_light(vec3 x, vec3 normal, inout Random random, out vec3 d, out vec3 target, out bool far) {
     vec2 u = random_next2(random);
     vec3 centre = light_sample(u, random_next2(random));
@@ -142,8 +142,8 @@ void main() {
         vec3 normal = imageLoad(in_normal, ivec3(p, REAL)).xyz;
         Surface none;
         Lobes no_lobes;
-        // Rays start off the real surface by more than the steps of its depth, and off the virtual scene by
-        // next to nothing, so that a contact shadow begins at the contact.
+        // Rays start off the real surface by more than the steps of its depth. They start off a virtual
+        // surface by almost nothing, so that a contact shadow begins at the contact.
         float off = FAULT == FAULT_RAYS_FROM_BELOW ? -2e-3 : 2e-3;
         Ray ray = draw(point.xyz + normal * (off * length(point.xyz)), normal, false, none, no_lobes, vec3(0.0), random);
         vec3 radiance = vec3(0.0), mixed = vec3(0.0);

@@ -3,7 +3,7 @@
 // solid angle times its luminance above the mean, so that only lamps and windows are drawn, and BRDF sampling
 // keeps the rest. `light_table.comp` fills the table: header (share of drawing lights, total weight),
 // cumulative row weights, cumulative cell weights in each row, cell weights.
-layout(constant_id = 7) const uint DIRECTIONS = 2; // what draws the directions of rays: `Directions` in settings.rs
+layout(constant_id = 7) const uint DIRECTIONS = 2; // which strategies draw directions (`Directions` in settings.rs)
 const uint BRDF = 0u, LIGHT = 1u;
 
 const ivec2 LIGHT_CELLS = ivec2(256, 128);

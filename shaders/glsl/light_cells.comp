@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Per video frame, light_table (first dispatch): mean luminance of each cell. It takes the radiance as rays
-// see it, bilinear between texels, so that a lamp's rim, which reaches into its neighbours, is drawn, too.
+// Per video frame, light_table (first dispatch): the mean luminance of each cell. Radiance is bilinear
+// between texels, as rays see it, so a lamp's rim that reaches into neighbouring texels is drawn too.
 // In: panorama radiance. Out: lights (weights hold luminance for now).
 #include "common.glsl"
 #include "panorama.glsl"
@@ -9,7 +9,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 // Returns what a texel contributes to the mean over texels `from` to `to`: the integral of its bilinear
-// weight. Both are relative to its centre.
+// weight. `from` and `to` are relative to its centre.
 float hat(float from, float to) {
     vec2 t = clamp(vec2(from, to), -1.0, 1.0);
     vec2 integral = t - 0.5 * t * abs(t);
@@ -26,7 +26,7 @@ void main() {
     for (int y = first.y; y <= last.y; y++) {
         float row = hat(from.y - float(y) - 0.5, to.y - float(y) - 0.5);
         for (int x = first.x; x <= last.x; x++) {
-            bool beyond = y < 0 || y >= size.y; // the pole: the opposite meridian
+            bool beyond = y < 0 || y >= size.y; // beyond the pole is the opposite meridian
             ivec2 texel = ivec2((x + size.x + (beyond ? size.x / 2 : 0)) % size.x, y < 0 ? -1 - y : beyond ? 2 * size.y - 1 - y : y);
             float weight = row * hat(from.x - float(x) - 0.5, to.x - float(x) - 0.5);
             if (weight > 0.0) sum += weight * luminance(imageLoad(in_panorama_radiance, texel).rgb);

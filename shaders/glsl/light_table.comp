@@ -29,7 +29,7 @@ void main() {
     sum = 0.0;
     for (int x = 0; x < LIGHT_CELLS.x; x++) {
         float l = lights.value[weights + x];
-        // If all rays are drawn from it, the table covers the panorama, black texels included.
+        // If all rays are drawn from the table, it covers the whole panorama, black texels included.
         float w = (DIRECTIONS == LIGHT ? l + 0.1 * mean : max(0.0, l - mean)) * solid_angle;
         lights.value[weights + x] = w;
         sum += w;

@@ -1,5 +1,4 @@
-// Compacted work. Indirect arguments are (x groups, y groups, 1, items), with at most GROUPS_PER_ROW groups
-// in a row.
+// Compacted work. Indirect arguments are (x groups, y groups, 1, items). x is at most GROUPS_PER_ROW.
 const uint GROUPS_PER_ROW = 32768u;
 const uint LIST_REAL = 0u;
 const uint LIST_VIRTUAL = 4u;

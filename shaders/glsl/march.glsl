@@ -1,10 +1,10 @@
-// Marches a ray through the depth as an image, without asking the surface itself. This is cheap, and an
-// approximation. The ray's picture in the panorama is an arc of a great circle, from the direction of its
-// origin to its own. The march looks at it in `steps` places at equal angles. A place that lies behind the
-// nearest texel's depth by no more than `thickness` is a hit. What is thinner than a step is missed between
-// places. Texels are steps of their own, so nothing nearer behind than MARCH_BIAS is seen.
+// Marches a ray through the depth image instead of the surface, which is cheap and approximate. The ray's
+// picture in the panorama is an arc of a great circle, from the direction of its origin to its own. The march
+// looks at `steps` places of it at equal angles. A place is a hit if it lies behind the nearest texel's depth
+// by at most `thickness`. Whatever is thinner than a step can be missed. Texels make steps in depth, so a hit
+// must be at least MARCH_BIAS behind.
 
-const float MARCH_BIAS = 0.005;    // of the depth
+const float MARCH_BIAS = 0.005;    // relative to the depth
 const float MARCH_DISTANT = 1e7;   // metres: the end of the arc
 const int MARCH_HALVINGS = 6;
 
@@ -20,16 +20,16 @@ float march_distance(vec3 origin, float arc, float share) {
     return share < 1.0 ? length(origin) * sin(angle) / max(sin(arc - angle), 1e-6) : MARCH_DISTANT;
 }
 
-// Returns how far behind the depth a place of the ray is, in metres. It is negative before the depth and in
-// front of a hole.
+// Returns how far behind the depth a place of the ray is, in metres. It is negative in front of the depth and
+// in front of a hole.
 float march_behind(vec3 origin, vec3 d, float t) {
     ivec2 texel;
     float depth = march_depth(origin + d * t, texel);
     return depth > 0.0 ? length(origin + d * t) - depth * (1.0 + MARCH_BIAS) : -1.0;
 }
 
-// Does what panorama_trace does, but answers FREE or SURFACE only, as far as depth and steps tell. The origin
-// counts as before the depth.
+// Does what panorama_trace does, but answers only FREE or SURFACE, within the accuracy of depth and steps.
+// The origin counts as in front of the depth.
 PanoramaHit panorama_march(vec3 origin, vec3 d, uint steps) {
     float arc = arctangent(length(cross(origin, d)), dot(origin, d));
     float before = 0.0, here = 0.0;
@@ -51,7 +51,7 @@ PanoramaHit panorama_march(vec3 origin, vec3 d, uint steps) {
             float middle = 0.5 * (near + far);
             if (march_behind(origin, d, march_distance(origin, arc, middle)) > 0.0) far = middle; else near = middle;
         }
-        // The ray meets the sphere of that texel's depth here, twice.
+        // The ray meets the sphere of that texel's depth twice.
         float t = march_distance(origin, arc, far), along = dot(origin, d);
         ivec2 texel;
         for (int n = 0; n < 2; n++) {

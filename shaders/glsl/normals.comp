@@ -13,7 +13,7 @@ layout(push_constant, scalar) uniform Push { int radius; int stride; float step_
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy), size = ivec2(in_view.view.depth_size);
     if (any(greaterThanEqual(p, size))) return;
-    // the poles pass through
+    // The poles are copied.
     float pole_scale = FAULT == FAULT_NO_POLES ? 0.0 : 1.0;
     if (p.y == 0) imageStore(out_depth, p, vec4(pole_scale * vertex_depth(p.x, -1)));
     if (p.y == size.y - 1) imageStore(out_depth, p + ivec2(0, 2), vec4(pole_scale * vertex_depth(p.x, size.y)));
@@ -33,10 +33,10 @@ void main() {
                 if (plane.w < 0.0) continue;
                 float e = dot(plane.xyz, direction) - q;
                 if (abs(e) > limit && !(x == 0 && y == 0)) continue;
-                // This texel's own plane is favoured a little.
+                // This texel's own plane is slightly favoured.
                 float cost = (plane.w + 0.25 * e * e + 1e-8 * q * q) * (x == 0 && y == 0 ? 0.8 : 1.0);
-                // Another plane must be clearly better, not by a rounding, in which drivers differ: at a
-                // crease both planes may fit exactly.
+                // Another plane must be better by more than rounding, in which drivers differ. At a crease
+                // both planes may fit exactly.
                 if (cost < 0.99 * best_cost) { best_cost = cost; best = plane.xyz; }
             }
         }

@@ -9,7 +9,7 @@ const uint SURFACE = 1u;
 const uint SKIRT = 2u;
 
 struct PanoramaHit {
-    float t;      // FAR where the ray leaves
+    float t;      // FAR if the ray leaves
     vec2 uv;      // where the radiance is read
     uint kind;    // FREE, SURFACE or SKIRT
     vec3 normal;  // of the triangle, of any length
@@ -41,7 +41,7 @@ vec3 panorama_bilinear_level(vec2 uv, int level) {
     return mix(mix(a, b, f.x), mix(c, d, f.x), f.y);
 }
 
-// Returns radiance filtered over a footprint of `angle` radians. It is plain bilinear where magnified.
+// Returns radiance filtered over a footprint of `angle` radians. It is plain bilinear under magnification.
 vec3 panorama_filtered(vec2 uv, float angle) {
     if (MINIFIED == 0u) return panorama_bilinear(uv);
     float level = log2(max(1.0, angle * float(in_view.view.color_size.y) / PI));
@@ -82,7 +82,7 @@ float surface_distance(vec3 d, out ivec2 texel) {
     vec2 f = p - vec2(i, j);
     texel = wrap_texel(ivec2(floor(p + 0.5)), size);
     if (i < 0) i += size.x;
-    bool lower = j < 0 || (j < size.y - 1 && f.y > f.x); // of the two triangles, (i,j) (i,j+1) (i+1,j+1)
+    bool lower = j < 0 || (j < size.y - 1 && f.y > f.x); // in the triangle (i,j), (i,j+1), (i+1,j+1)
     ivec2 a = ivec2(i, j), b = lower ? ivec2(i, j + 1) : ivec2(i + 1, j + 1), c = lower ? ivec2(i + 1, j + 1) : ivec2(i + 1, j);
     float da = vertex_depth(a.x, a.y), db = vertex_depth(b.x, b.y), dc = vertex_depth(c.x, c.y);
     float near = min(da, min(db, dc)), far = max(da, max(db, dc));
@@ -91,5 +91,5 @@ float surface_distance(vec3 d, out ivec2 texel) {
     vec3 va = vertex_direction(a.x, a.y) * da, vb = vertex_direction(b.x, b.y) * db, vc = vertex_direction(c.x, c.y) * dc;
     vec3 n = cross(vb - va, vc - va);
     float t = dot(n, va) / dot(n, d);
-    return t >= 0.5 * near && t <= 2.0 * far ? t : near; // edge-on by rounding
+    return t >= 0.5 * near && t <= 2.0 * far ? t : near; // rounding can spoil an edge-on hit
 }

@@ -14,18 +14,18 @@
 #include "brdf.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-// A triangle that shines. It is drawn with a probability proportional to area · luminance. `below` is the sum
-// of those before it.
+// A triangle that shines. It is drawn with a probability proportional to area · luminance. `below` is the
+// probability of all lights before it.
 struct Light { uint instance; uint triangle; float below; uint padding; };
 
-// A light without a surface (KHR_lights_punctual). `Punctual` in scene/packed.rs.
+// A light without a surface (KHR_lights_punctual), as `Punctual` in scene/packed.rs.
 struct Punctual { vec3 position; uint directional; vec3 direction; float range; vec3 intensity; float cone_scale; float cone_offset; };
 
 layout(set = 0, binding = 70, scalar) readonly buffer Lights { Light light[]; } in_lights;
 layout(set = 0, binding = 71, rgba32f) uniform image2D reflected; // w: how many samples met the centre's surface
 layout(set = 0, binding = 72, rgba32f) uniform image2D other;     // w: squared luminance of `reflected`'s samples
-layout(set = 0, binding = 73, rgba32f) uniform image2D albedo;    // Lambert albedo of the centre's surface; w: squared luminance of radiance
-layout(set = 0, binding = 74, rgba32f) uniform image2D centre;    // shading normal and distance (m, 0: nothing) at the pixel's centre
+layout(set = 0, binding = 73, rgba32f) uniform image2D albedo;    // Lambert albedo; w: squared luminance of radiance
+layout(set = 0, binding = 74, rgba32f) uniform image2D centre;    // normal and distance (m, 0: nothing) of the centre
 
 layout(set = 0, binding = 75, scalar) readonly buffer PunctualLights { Punctual light[]; } in_punctual;
 
@@ -34,14 +34,14 @@ layout(push_constant, scalar) uniform Push {
     uint rows;
     uint light_count;
     float inverse_power; // 1 / Σ area · luminance
-    uint bounces;        // at most
-    uint roulette;       // bounces before paths may be ended at random
+    uint bounces;        // the most bounces
+    uint roulette;       // bounces after which paths may be ended at random
     uint punctual_count;
     uint sampling;       // MIS, LIGHTS or LOBES
     uint fresh;          // 1: the sums start anew
 } push;
 
-// --- Owen-scrambled Sobol points, padded: two dimensions at a time (Burley 2020, "Practical Hash-based Owen
+// --- Owen-scrambled Sobol points, two dimensions at a time (Burley 2020, "Practical Hash-based Owen
 // Scrambling") ---
 
 uint scramble(uint x, uint seed) {
@@ -68,8 +68,7 @@ vec2 sobol(uint index, uint seed) {
 
 struct Sampler { uint seed; uint dimension; Random random; };
 
-// Draws well-spread points over a pixel's samples for the first dimensions, and merely random ones for deep
-// bounces.
+// Draws well-spread points over a pixel's samples for the first dimensions, and random ones for deep bounces.
 vec2 draw(inout Sampler s) {
     s.dimension++;
     return s.dimension <= 12u ? sobol(in_view.view.frame, s.seed + s.dimension * 0x9e3779b9u) : random_next2(s.random);
@@ -77,7 +76,7 @@ vec2 draw(inout Sampler s) {
 
 // --- light ---
 
-// What finds the surfaces that shine: both, or one of them alone, to test that all three agree.
+// Which strategies find the surfaces that shine: both, or one alone. Tests compare all three.
 const uint MIS = 0u;
 const uint LIGHTS = 1u;
 const uint LOBES = 2u;
@@ -100,8 +99,8 @@ uint light_at(float u) {
 }
 
 // Returns light by one lobe, weighted against BRDF sampling of that lobe. Of a few points, spread over all
-// lights, one is taken by what it would bring (resampled importance sampling, Talbot et al. 2005), and only
-// that one costs a ray.
+// lights, one is chosen by what it would bring (resampled importance sampling, Talbot et al. 2005). Only that
+// one costs a ray.
 vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, float choice) {
     if (push.light_count == 0u || push.sampling == LOBES) return vec3(0.0);
     vec3 origin = surface_origin(s), chosen = vec3(0.0), chosen_d = vec3(0.0);
@@ -202,7 +201,7 @@ void main() {
     } else middle = imageLoad(centre, p);
 
     Sampler draws;
-    // There is one sequence a pixel, whatever the sample: `frame` is its index.
+    // A pixel has one sequence for all samples. `frame` is the sample's index.
     draws.seed = hash(uint(p.x) + hash(uint(p.y) + hash(in_view.view.seed)));
     draws.dimension = 0u;
     draws.random = random_begin(uvec2(p), 2u);
@@ -211,9 +210,9 @@ void main() {
     SceneHit hit = scene_trace(origin, d, FAR);
     vec3 seen = vec3(0.0), sum = vec3(0.0), first_albedo = vec3(0.0);
     vec3 throughput = vec3(1.0);
-    float importance = 1.0; // of the path after its first surface
-    float by_lobe = 0.0;    // density of the direction just followed; 0: light sampling could not have found it
-    bool same = false;      // does the sample meet the surface at the pixel's centre?
+    float importance = 1.0; // weight of the path after its first surface
+    float by_lobe = 0.0;    // density of the direction just followed; 0 if light sampling cannot find it
+    bool same = false;      // whether the sample meets the surface at the pixel's centre
     for (uint bounce = 0u; hit.instance != NONE; bounce++) {
         Surface s = scene_surface(hit, d, 0.0);
         if (bounce == 0u) {

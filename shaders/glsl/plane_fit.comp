@@ -9,7 +9,7 @@
 #include "panorama.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-// tolerance is that of 1/D, absolute (1/m) and relative. radial_step is the spacing of radial codes, metres.
+// tolerance is that of 1/D, absolute (1/m) and relative. radial_step is the step of radial codes, m.
 layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;
 
 void main() {
@@ -24,7 +24,7 @@ void main() {
     float step_here = max(push.step_disparity, push.step_radial * q * q);
     vec3 w0 = vertex_direction(p.x, p.y);
     mat3 frame = basis(w0);
-    // These are the normal equations in the local frame, with tangential coordinates scaled to the window.
+    // The normal equations in the local frame, with tangential coordinates scaled to the window.
     float scale = float(size.y) / (PI * float(push.radius));
     vec3 a = vec3(0.0);
     float residual = 0.0;

@@ -3,7 +3,7 @@
 // vertex rows 2y and 2y + 1 of in_depth. A node is three texels: its origin (m) and the exponents of its
 // grid's steps; then bounds of the four children in steps, a byte each: least x, y, z, greatest x | greatest
 // y, z, then a bit for each child that holds anything. Far sides have nodes of their own behind the others.
-const uint PYRAMID_ROW = 4096u; // texels: the width that every device's images may have
+const uint PYRAMID_ROW = 4096u; // texels, a width that images of every device can have
 
 ivec2 pyramid_texel(uint n) { return ivec2(n % PYRAMID_ROW, n / PYRAMID_ROW); }
 

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 2, sampling_mask: which pixels trace this frame, compacted into one list for real and one for virtual
-// surfaces, and the 8×8 tiles that the later passes visit (IPRT §2, "sparse sampling mask").
+// Pass 2, sampling_mask: chooses the pixels that are traced this frame. It lists them for real and for
+// virtual surfaces, with the 8×8 tiles that the later passes visit (IPRT §2, "sparse sampling mask").
 // In: position, normal, coverage, motion; history: position, normal, motion, length. Out: mask (0 nothing
 // there, 1 traced, 2 interpolated), lists, arguments; irradiance_a, _b of pixels that nothing will fill.
 #include "common.glsl"
@@ -18,18 +18,18 @@ layout(push_constant, scalar) uniform Push {
     float sharp_roughness;
     uint by_discontinuity;
     float mask_cosine;   // of the angle between normals
-    float mask_distance; // from the tangent plane, of the distance
-    uint mark_untraced;  // nothing will fill what is not traced: it is marked as unknown here
+    float mask_distance; // from the tangent plane, relative to the distance
+    uint mark_untraced;  // 1: nothing will fill untraced pixels, so they are marked as unknown here
 } push;
 
 shared uint group_count[2];
 shared uint group_base[2];
 shared uint active_count[2];
 
-// A 4×4 ordered dither, in which every power-of-two share of the ranks is spread evenly.
+// A 4×4 ordered dither, in which the ranks of every power-of-two share are spread evenly.
 const uvec4 RANK[4] = uvec4[4](uvec4(0u, 8u, 2u, 10u), uvec4(12u, 4u, 14u, 6u), uvec4(3u, 11u, 1u, 9u), uvec4(15u, 7u, 13u, 5u));
 
-// Says which of the 4×4 are traced in a frame: so many of 16, all in turn.
+// Says which of the 4×4 pixels are traced in a frame: so many of 16, and all of them in turn.
 bool in_turn(ivec2 p, uint share) {
     uint rank = RANK[p.y & 3][p.x & 3];
     return (rank + 16u - (in_view.view.frame * share) % 16u) % 16u < share;
@@ -41,8 +41,7 @@ bool shows(ivec2 p, int layer) {
     return layer == REAL ? coverage > 0.0 : coverage < 1.0;
 }
 
-// Returns the rays for 16 pixels: all where the 3×3 neighbours leave the pixel's surface, a quarter where the
-// 5×5 do, else one.
+// Returns the rays for 16 pixels: 16 if the 3×3 neighbours leave the surface, 4 if the 5×5 do, else 1.
 uint discontinuity_share(ivec2 p, int layer) {
     vec4 position = imageLoad(in_position, ivec3(p, layer));
     vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;

@@ -5,7 +5,7 @@ const uint NONE = 0xffffffffu;
 #include "bind/scene.glsl"
 
 struct SceneHit {
-    float t;       // FAR where nothing was hit
+    float t;       // FAR if nothing was hit
     uint instance; // index into in_instances
     uint triangle;
     vec2 barycentric;
@@ -14,7 +14,7 @@ struct SceneHit {
 // A point of a virtual surface, ready for shading.
 struct Surface {
     vec3 position;
-    vec3 geometric; // both normals face the ray that found it
+    vec3 geometric; // both normals face the ray that found the surface
     vec3 normal;
     vec3 base_color;
     float metallic;
@@ -67,7 +67,7 @@ void scene_instance(uint index, vec3 world_origin, vec3 world_d, inout SceneHit 
     while (true) {
         BvhNode n = in_nodes.node[node];
         float t0 = box_entry(n.min0, n.max0, inverse, shift, hit.t), t1 = box_entry(n.min1, n.max1, inverse, shift, hit.t);
-        if (n.child1 == NONE) t1 = FAR; // a node of one child: the other's inverted box is no bound to the slab test
+        if (n.child1 == NONE) t1 = FAR; // without a second child, its inverted box would pass the slab test
         if (t0 < FAR && n.count0 > 0u) { scene_triangles(n.child0, n.count0, index, origin, d, hit); t0 = FAR; }
         if (t1 < FAR && n.count1 > 0u) { scene_triangles(n.child1, n.count1, index, origin, d, hit); t1 = FAR; }
         bool go0 = t0 < FAR, go1 = t1 < FAR;
@@ -92,7 +92,7 @@ SceneHit scene_trace(vec3 origin, vec3 d, float t_max) {
         while (true) {
             BvhNode n = in_top_nodes.node[node];
             float t0 = box_entry(n.min0, n.max0, inverse, shift, hit.t), t1 = box_entry(n.min1, n.max1, inverse, shift, hit.t);
-            if (n.child1 == NONE) t1 = FAR; // a node of one child: the other's inverted box is no bound to the slab test
+            if (n.child1 == NONE) t1 = FAR; // as in scene_instance
             if (t0 < FAR && n.count0 > 0u) { scene_instance(n.child0, origin, d, hit); t0 = FAR; }
             if (t1 < FAR && n.count1 > 0u) { scene_instance(n.child1, origin, d, hit); t1 = FAR; }
             bool go0 = t0 < FAR, go1 = t1 < FAR;
@@ -138,7 +138,7 @@ vec4 texture_sample(uint index, vec2 uv, float footprint) {
     uint offset = tex.offset;
     for (uint k = 0u; k < l; k++) offset += max(1u, tex.width >> k) * max(1u, tex.height >> k);
     ivec2 size = ivec2(max(1u, tex.width >> l), max(1u, tex.height >> l));
-    // uv far from the origin lose their fraction, so wrap first.
+    // uv far from the origin lose their fraction, so they are wrapped first.
     uv = vec2(tex.wrap_u == 0u ? fract(uv.x) : uv.x, tex.wrap_v == 0u ? fract(uv.y) : uv.y);
     uv = clamp(uv, vec2(-1e4), vec2(1e4));
     vec2 p = uv * vec2(size) - 0.5;
@@ -183,7 +183,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
         }
     }
     if (dot(s.geometric, d) > 0.0 && FAULT != FAULT_NORMALS_UNTURNED) { s.geometric = -s.geometric; normal = -normal; }
-    // A shading normal that faces away from the ray would see nothing, so tilt it back to the horizon.
+    // A shading normal that faces away from the ray would see nothing, so it is tilted back to the horizon.
     float facing = dot(normal, d);
     if (facing > -1e-3) normal = normalize(normal - d * (facing + 1e-3));
     s.normal = normal;
@@ -211,8 +211,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     return s;
 }
 
-// Returns where rays leave a virtual surface: off it by a few ulp of its coordinates and a tenth of a
-// millimetre.
+// Returns where rays leave a virtual surface: a few ulp of its coordinates and 0.1 mm off it.
 vec3 surface_origin(Surface s) {
     return s.position + s.geometric * max(1e-4, 4e-6 * max(abs(s.position.x), max(abs(s.position.y), abs(s.position.z))));
 }

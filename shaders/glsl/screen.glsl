@@ -24,7 +24,7 @@ SceneHit screen_perspective(vec3 origin, vec3 d, float t_max, float jitter) {
     const float NEAR = 1e-3;
     vec3 from = origin - v.position;
     vec3 o = vec3(dot(from, v.right), dot(from, v.up), dot(from, v.forward)), e = vec3(dot(d, v.right), dot(d, v.up), dot(d, v.forward));
-    // This is the part of the ray before the camera.
+    // The part of the ray before the camera.
     float t0 = 0.0, t1 = min(t_max, 1e5);
     if (o.z < NEAR) {
         if (e.z <= 0.0) return hit;
@@ -38,7 +38,7 @@ SceneHit screen_perspective(vec3 origin, vec3 d, float t_max, float jitter) {
     vec3 h0 = a + t0 * b, h1 = a + t1 * b;
     vec2 p0 = h0.xy / h0.z, line = h1.xy / h1.z - p0;
     float k0 = 1.0 / h0.z, dk = 1.0 / h1.z - k0, q0 = t0 / h0.z, dq = t1 / h1.z - q0;
-    // This is the part in the picture.
+    // The part within the picture.
     float s = 0.0, end = 1.0;
     for (int i = 0; i < 2; i++) {
         if (line[i] == 0.0) {

@@ -29,7 +29,7 @@ void main() {
     vec4 motion = imageLoad(in_motion, ivec3(p, layer));
     vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;
     vec4 a = imageLoad(in_irradiance_a, ivec3(p, layer)), b = has_b(layer) ? imageLoad(in_irradiance_b, ivec3(p, layer)) : vec4(0.0);
-    bool fresh = push.filtered != 0u ? a.w >= 0.0 : mask == 1.0; // a filtered pixel is as good as a traced one
+    bool fresh = push.filtered != 0u ? a.w >= 0.0 : mask == 1.0; // a filtered pixel counts like a traced one
     bool known = fresh || a.w >= 0.0;
     if (!known) { a = vec4(0.0); b = vec4(0.0); }
     vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));

@@ -1,16 +1,15 @@
-// Traces rays through the panorama's surface, exactly as defined, from anywhere.
+// Traces rays through the panorama's surface exactly, from anywhere.
 #include "pyramid.glsl"
 
 const uint NO_TRIANGLE = 0xffffffffu;
 
-// The nearest crossing so far: its distance, and its triangle (quad column, vertex row above, which of the
-// two, whether it is a skirt).
+// The nearest crossing so far: its distance and its triangle (quad column, vertex row above, which of the two
+// triangles, whether it is a skirt).
 struct Crossing { float t; uint triangle; };
 const uint TRIANGLE_UPPER = 1u << 30u, TRIANGLE_SKIRT = 1u << 31u;
 
-// A vertex as a ray sees it: xy across the ray, z along it, w its depth (0 in a hole). Edge functions of
-// these are the same numbers for both triangles at an edge, so that no ray slips between them (Woop et al.
-// 2013).
+// A vertex as a ray sees it: xy across the ray, z along it, w its depth (0 in a hole). Both triangles at an
+// edge compute the same edge function from these, so no ray slips between them (Woop et al. 2013).
 float edge(vec4 a, vec4 b) { precise float area = a.x * b.y - a.y * b.x; return area; }
 
 void cross_triangle(vec3 weight, vec4 a, vec4 b, vec4 c, vec3 origin, vec3 d, float t_min, bool far_sides, uint triangle, inout Crossing crossing) {
@@ -68,7 +67,7 @@ void cross_leaf(uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, b
     cross_quad(v[4], v[5], v[7], v[8], vec4(middle1, bottom1, centre1, right1), origin, d, t_min, far_sides, quad + (1u << 15u) + 1u, crossing);
 }
 
-// The four bytes of a word.
+// Splits a word into its four bytes.
 vec4 bytes(uint word) { return vec4(ivec4(uvec4(word, word >> 8u, word >> 16u, word >> 24u) & 0xffu)); }
 
 // Finds the nearest crossing in (t_min, t_max) of what can be hit, or any crossing of a skirt's far side.
@@ -89,8 +88,8 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
     uint x = 0u, y = 0u;
     bool back = false, done = false;
     const uint MISS = 0xffffffffu;
-    // Boxes are in one loop, triangles in the other. A group of rays that walks together does either, not
-    // both (Aila and Laine 2009).
+    // One loop visits boxes, the other triangles. A group of rays that walks together is in one of them at a
+    // time (Aila and Laine 2009).
     while (true) {
         while (true) {
             if (back) {
@@ -116,10 +115,10 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
             uvec3 near = mix(greatest, least, forward), far = mix(least, greatest, forward);
             vec4 enter = max(max(bytes(near.x) * scale.x + base.x, bytes(near.y) * scale.y + base.y), max(bytes(near.z) * scale.z + base.z, vec4(t_min)));
             vec4 leave = min(min(bytes(far.x) * scale.x + base.x, bytes(far.y) * scale.y + base.y), min(bytes(far.z) * scale.z + base.z, vec4(crossing.t)));
-            // Distances sort as integers. Their last bits say which child it is.
+            // Distances sort as integers. Their last bits hold the child's number.
             uvec4 key;
             [[unroll]] for (uint k = 0u; k < 4u; k++) {
-                // The bounds of an empty child say nothing.
+                // The bounds of an empty child are undefined.
                 bool met = (c.z & (1u << k)) != 0u && enter[k] <= leave[k] * 1.0000004;
                 key[k] = met ? (floatBitsToUint(abs(enter[k])) & ~3u) | k : MISS;
             }
@@ -148,8 +147,7 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
     return crossing;
 }
 
-// Returns the closest hit of the real surface along a ray in (t_min, t_max), with t_min ≥ 0 and d of length
-// 1.
+// Returns the closest hit of the real surface along a ray in (t_min, t_max). t_min ≥ 0, and d has length 1.
 PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
     Crossing crossing = walk(origin, d, t_min, t_max, false);
     if (crossing.triangle == NO_TRIANGLE) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
@@ -167,7 +165,7 @@ PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
 }
 
 // Says whether a ray passes through a skirt's far side in (t_min, t_max), that is, through space that the
-// capture never saw. Nobody knows what lies beyond it. The pyramid must have far sides.
+// capture never saw. The pyramid must have far sides.
 bool panorama_unknown(vec3 origin, vec3 d, float t_min, float t_max) {
     return walk(origin, d, t_min, t_max, true).triangle != NO_TRIANGLE;
 }

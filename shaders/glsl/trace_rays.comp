@@ -1,15 +1,15 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Any rays against the panorama's surface. `iprt bench --rays` times them, and the tracer's test compares
-// them with its oracle.
+// Traces any rays against the panorama's surface. `iprt bench --rays` times it, and a test compares it with
+// an oracle.
 // In: rays (m), depth, angles, pyramid. Out: answers.
 #include "common.glsl"
 #include "panorama.glsl"
 #include "trace.glsl"
 #include "march.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 0) const uint FAR_SIDES = 0; // 1: the pyramid has them, and answers say what is unknown
-layout(constant_id = 1) const uint MARCH_STEPS = 0; // above 0: rays are marched
+layout(constant_id = 0) const uint FAR_SIDES = 0; // 1: the pyramid has far sides, and answers say what is unknown
+layout(constant_id = 1) const uint MARCH_STEPS = 0; // above 0: rays are marched in this many steps
 
 struct TracedRay { vec3 origin; float t_min; vec3 direction; float t_max; };
 struct RayAnswer { float t; uint kind; vec2 uv; vec3 normal; uint unknown; };

@@ -1,5 +1,6 @@
-// Images and lists of a view (`DECLARED` in passes/view.rs). `in_` is read, `out_` written, `history_` the previous frame's; without any of
-// them both read and written. Layered images hold real surfaces in layer REAL and virtual ones in layer VIRTUAL.
+// Images and lists of a view (`DECLARED` in passes/view.rs). Passes read `in_`, write `out_`, and read the
+// previous frame's image as `history_`. A name without a prefix is both read and written. Images with layers
+// hold real surfaces in layer REAL and virtual ones in layer VIRTUAL.
 
 // xyz position (m), w distance from the camera (m; 0: no such surface).
 layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
@@ -33,15 +34,15 @@ layout(set = 0, binding = 49, rgba32f) uniform writeonly image2D out_radiance;
 // 0 nothing to light, 1 traced, 2 not traced this frame.
 layout(set = 0, binding = 50, r32f) uniform readonly image2DArray in_mask;
 layout(set = 0, binding = 51, r32f) uniform writeonly image2DArray out_mask;
-// This frame's. Real: E_R; virtual: E of the Lambert lobe; w: -1 where nothing is known.
+// Irradiance of this frame. Real: E_R; virtual: E of the Lambert lobe; w: -1 where nothing is known.
 layout(set = 0, binding = 52, rgba32f) uniform image2DArray irradiance_a;
 layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray in_irradiance_a;
 layout(set = 0, binding = 54, rgba32f) uniform writeonly image2DArray out_irradiance_a;
-// Real: ΔE; virtual: radiance of the GGX lobe; w: distance of the hit (m).
+// Light of this frame. Real: ΔE; virtual: radiance of the GGX lobe; w: distance of the hit (m).
 layout(set = 0, binding = 55, rgba32f) uniform image2DArray irradiance_b;
 layout(set = 0, binding = 56, rgba32f) uniform readonly image2DArray in_irradiance_b;
 layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_irradiance_b;
-// The same, accumulated or filtered; w: variance of the mean's luminance (a: -1 where nothing is known).
+// irradiance_a, _b accumulated or filtered; w: variance of the mean's luminance (a: -1 if nothing is known).
 layout(set = 0, binding = 58, rgba32f) uniform readonly image2DArray in_a;
 layout(set = 0, binding = 59, rgba32f) uniform writeonly image2DArray out_a;
 layout(set = 0, binding = 60, rgba32f) uniform readonly image2DArray history_a;

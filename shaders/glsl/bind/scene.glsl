@@ -1,4 +1,4 @@
-// The virtual objects (passes/scene.rs). Structs as in scene/packed.rs (scalar layout).
+// The virtual objects (passes/scene.rs). Structs are as in scene/packed.rs, in scalar layout.
 
 struct TriangleGeometry { vec3 v0; vec3 e1; vec3 e2; };
 struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
@@ -25,5 +25,6 @@ layout(set = 0, binding = 25, scalar) readonly buffer TopNodes { BvhNode node[];
 layout(set = 0, binding = 26, scalar) readonly buffer Materials { Material material[]; } in_materials;
 layout(set = 0, binding = 27, scalar) readonly buffer Textures { Texture entry[]; } in_textures;
 layout(set = 0, binding = 28, scalar) readonly buffer Texels { uint texel[]; } in_texels;
-// Directional albedo of GGX, 32×32 over (cos θ_o, roughness), 0 and 1 included: ρ = F0·x + F90·y. `brdf_table` in passes/brdf.rs.
+// Directional albedo of GGX, ρ = F0·x + F90·y, 32×32 over (cos θ_o, roughness) from 0 to 1 (`brdf_table` in
+// passes/brdf.rs).
 layout(set = 0, binding = 29, scalar) readonly buffer Energy { vec2 value[]; } in_energy;

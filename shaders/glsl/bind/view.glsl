@@ -1,4 +1,4 @@
-// One picture being made: camera now and one frame ago, the panorama's shape, and the settings. `ViewData` in passes/view.rs.
+// The view: camera now and one frame ago, the panorama's shape, settings (`ViewData` in passes/view.rs).
 struct View {
     vec3 position;
     vec3 right;
