@@ -1,46 +1,51 @@
 //! `iprt`: virtual objects in 360° RGBD video, lit by the video itself.
 //!
-//! A panorama with depth is a scene of diffuse emitters at known places. Rays are traced against it and against
-//! the virtual objects, and give light, shadows and reflections to both. The method follows *Interactive
-//! Panoramic Ray Tracing for Mixed 360° RGBD Videos* (Wu, Wang, Ke; VRW 2023). `docs/pipeline.md` says what each
-//! pass computes, with its images, units and settings. `docs/limits.md` says where it fails.
+//! A panorama with depth is a scene of diffuse emitters at known places. Rays are traced against it and
+//! against the virtual objects, and give light, shadows and reflections to both. The method follows
+//! *Interactive Panoramic Ray Tracing for Mixed 360° RGBD Videos* (Wu, Wang, Ke; VRW 2023).
+//! `docs/pipeline.md` says what each pass computes, with its images, units and settings. `docs/limits.md`
+//! says where it fails.
 //!
 //! # The house
 //!
-//! The list goes from the ground up. A module uses those above it.
+//! The list goes from the ground up. A module uses only those above it.
 //!
-//! * [`error`]: [`Error`] says what failed, on which file or object, and the remedy.
-//! * [`shaders`]: SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`.
-//! * [`gpu`] knows Vulkan and nothing else. A [`gpu::Gpu`] hands out buffers, images and passes. A [`gpu::Frame`]
-//!   records dispatches and barriers, refuses to run if a barrier is missing, and times each dispatch.
-//! * [`image_file`] reads PNG, JPEG, HDR and EXR, and writes PNG and EXR, never by halves.
-//! * [`panorama`]: the video's frames as linear radiance and metres ([`panorama::source`], [`panorama::depth`]), and
-//!   the equirectangular [`panorama::mapping`].
-//! * [`scene`]: the scene file, glTF objects, materials, BVH, camera, key frames, built-in [`scene::rooms`]. A
-//!   [`scene::Scene`] gives its state at any time.
+//! * [`error`]: an [`Error`] says what failed, on which file or object, and the remedy.
+//! * [`shaders`]: the SPIR-V of `shaders/glsl/*.comp`. A debug build loads changed shaders from disk.
+//! * [`gpu`] knows Vulkan and nothing else. A [`gpu::Gpu`] makes buffers, images and passes. A [`gpu::Frame`]
+//!   records dispatches and barriers, and refuses to run if a barrier is missing. Submitting it gives a
+//!   [`gpu::Ticket`], and waiting for the ticket gives the time of each dispatch.
+//! * [`image_file`] reads PNG, JPEG, HDR and EXR. It writes PNG and EXR, and never leaves half a file.
+//! * [`panorama`] loads the video's frames as linear radiance and metres, and maps directions to texels.
+//! * [`scene`] reads scene files and glTF objects, and has built-in [`scene::rooms`]. A [`scene::Scene`]
+//!   gives the state of camera and objects at any time.
 //! * [`settings`]: every approximation is a named value. A [`settings::Method`] is a preset of them.
 //! * [`options`]: what to render, and how.
-//! * [`passes`]: one file a pass, and a table of them. Each runs on a [`passes::view::View`], the images and history
-//!   of one picture, and finds what it binds by GLSL name ([`passes::resources`]).
-//! * [`plan`] decides from a table which parts of the model a scene needs. The others are not dispatched, compiled
-//!   in or allocated.
-//! * [`renderer`] records the frame, as far as the plan has it.
-//! * [`mod@reference`]: scene truth by path tracing, the panoramas of the built-in rooms made with it, and a cache
-//!   of truths.
-//! * [`measure`]: pass times, errors by region against both truths, the [`measure::chart`] of speed against accuracy,
-//!   and the [`measure::choice`] of settings for a target from such points.
-//! * [`stability`]: cases in which such methods fail, each with its truth.
+//! * [`plan`] decides from a table which parts of the model a scene needs. Other parts are not dispatched,
+//!   compiled in or allocated.
+//! * [`passes`]: one file for each pass, and the table [`passes::PASSES`]. A pass runs on a
+//!   [`passes::view::View`], which holds the images and the history of one picture.
+//! * [`renderer`] records the frame, with the parts that the plan has.
 //! * [`output`] writes a renderer's picture as a file.
-//! * `viewer`: the window. The feature of this name, which is on by default, has it.
-//! * [`cli`]: one file a subcommand, each a caller of the above. `main.rs` parses and prints.
+//! * [`mod@reference`] path-traces the truth of a scene and keeps it in a cache. It also makes the rooms'
+//!   panoramas.
+//! * [`measure`]: pass times, errors against the truth, the [`measure::chart`] of speed against accuracy, and
+//!   the [`measure::choice`] of settings for a target. [`measure::clock`] takes all times.
+//! * [`stability`]: cases in which such methods fail, each with its truth.
+//! * `viewer`: the window. It needs the feature `viewer`, which is on by default.
+//! * [`cli`]: one file for each subcommand. `main.rs` only parses and prints.
+//!
+//! The feature `faults` adds deliberate faults to shaders and passes (`passes::fault`), which tests must
+//! notice.
 //!
 //! # The frame
 //!
-//! [`renderer::Renderer::render`] records it, and reads from top to bottom:
+//! [`renderer::Renderer::begin`] records it, from top to bottom:
 //!
-//! 1. Per new video frame, from the panorama alone: [`passes::radiance_pyramid`], [`passes::normals`],
+//! 1. For a new video frame, from the panorama alone: [`passes::radiance_pyramid`], [`passes::normals`],
 //!    [`passes::depth_pyramid`], [`passes::light_table`].
-//! 2. *relight*: the passes of 3 on a coarse panoramic view, so that rays see real surfaces as the objects leave them.
+//! 2. *relight* runs the passes of 3 on a coarse panoramic view, so that rays see real surfaces with the
+//!    light that objects leave them.
 //! 3. [`passes::gbuffer`], [`passes::sampling_mask`], [`passes::irradiance`], [`passes::interpolate`],
 //!    [`passes::temporal`], [`passes::atrous`].
 //! 4. [`passes::composite`].
@@ -73,17 +78,16 @@
 //!
 //! # Adding a pass
 //!
-//! 1. Write `shaders/glsl/NAME.comp`, which becomes `shaders::NAME`. Its head says inputs, outputs, units and the
-//!    equation. Bindings that other passes share are in `bind/*.glsl`.
-//! 2. Write `src/passes/NAME.rs`: a [`passes::resources::Kernel`] and a `record` of a few lines. The shader says what
-//!    is bound, how and in which format, and names find it. Push constants are a `gpu_struct!`, and specialization
-//!    constants go by name.
+//! 1. Write `shaders/glsl/NAME.comp`, which becomes `shaders::NAME`. Its head says inputs, outputs, units and
+//!    the equation. Bindings that passes share are in `bind/*.glsl`.
+//! 2. Write `src/passes/NAME.rs`: a [`passes::resources::Kernel`] and a `record` of a few lines. Bindings and
+//!    constants are found by their GLSL names. Push constants are a `gpu_struct!`.
 //! 3. Declare new images: those of a picture in `DECLARED` of [`passes::view`], those of a video frame in
 //!    [`passes::panorama::Panorama::new`].
-//! 4. Add a row to [`passes::PASSES`]. If a scene can do without the pass, add a row to [`plan::part`] and a criterion
-//!    to `Plan::needed`.
-//! 5. Add a field to [`renderer::Renderer`], a line to its frame, and a [`gpu::Frame::barrier`] that says what it
-//!    separates.
+//! 4. Add a row to [`passes::PASSES`]. If a scene can do without the pass, add a row to [`plan::part`] and a
+//!    criterion to `Plan::needed`.
+//! 5. Add a field to [`renderer::Renderer`], a line to its frame, and a [`gpu::Frame::barrier`] that says
+//!    what it separates.
 //! 6. Add its settings to [`settings`] and a section to `docs/pipeline.md`. `make docs` writes the tables.
 //!
 //! `tests/headless/adding.rs` adds a pass by these steps.
