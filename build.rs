@@ -1,9 +1,9 @@
-//! Compiles `shaders/glsl/*.comp`, and the tests' own `tests/glsl/*.comp`, to SPIR-V for Vulkan 1.3: each alone, and only
-//! where its text or that of a file it includes has changed. From them it writes `shaders.rs` and `test_shaders.rs`: one
-//! `&[u32]` constant for each shader, named as the file's stem in capitals.
+//! Compiles `shaders/glsl/*.comp`, and the tests' own `tests/glsl/*.comp`, to SPIR-V for Vulkan 1.3. A shader
+//! is compiled only if its text or that of a file it includes has changed. Writes `shaders.rs` and
+//! `test_shaders.rs` with one `&[u32]` constant for each shader, named as its file in capitals.
 //!
-//! A debug build of the program runs this executable again, as `build-script-build ROOT OUT_DIR`, to learn what the
-//! shaders on disk are now; see `src/shaders/reload.rs`. So there is one compiler and one cache.
+//! A debug build of the program runs this executable again, as `build-script-build ROOT OUT_DIR`, to compile
+//! the shaders on disk (`src/shaders/reload.rs`). So there is one compiler and one cache.
 
 use std::{
     collections::HashSet,
@@ -19,19 +19,19 @@ use std::{
 
 type Result<T> = std::result::Result<T, String>;
 
-/// Where the shaders are, from the root of the source. The tests' shaders include the project's.
+/// The folders of shaders, relative to the source's root. The tests' shaders include the project's.
 const FOLDERS: [&str; 2] = ["shaders/glsl", "tests/glsl"];
 
-/// One shader as it is now.
+/// One compiled shader.
 struct Shader {
-    /// Its path from the root, without `.comp`; with [`FAULTS`] at the end where its planted faults are in it.
+    /// Its path from the root, without `.comp`. Ends in [`FAULTS`] if its planted faults are compiled in.
     name: String,
-    /// Where its SPIR-V is kept.
+    /// The file of its SPIR-V in the cache.
     file: PathBuf,
     spirv: Vec<u32>,
 }
 
-/// Marks a shader that can be broken on purpose: only the feature `faults` has them.
+/// Marks a shader that has planted faults. Only the feature `faults` has such shaders.
 const FAULTS: &str = "+faults";
 
 fn main() -> ExitCode {
@@ -49,7 +49,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// As Cargo's build script.
+/// Runs as Cargo's build script.
 fn build() -> Result<()> {
     let variable = |name| env::var(name).map_err(|_| format!("cargo sets {name}"));
     let (root, out) = (PathBuf::from(variable("CARGO_MANIFEST_DIR")?), PathBuf::from(variable("OUT_DIR")?));
@@ -85,7 +85,7 @@ fn build() -> Result<()> {
     println!("cargo:rustc-env=IPRT_SHADER_COMPILER={}", this.display());
     println!("cargo:rerun-if-changed=build.rs");
     if variable("PROFILE")? == "debug" {
-        // A changed shader is for the program to find. Where Rust changes, the crate is compiled anyway.
+        // The program itself finds a changed shader. If Rust changes, the crate is compiled anyway.
         println!("cargo:rerun-if-changed=src");
     } else {
         FOLDERS.iter().for_each(|folder| println!("cargo:rerun-if-changed={folder}"));
@@ -93,7 +93,7 @@ fn build() -> Result<()> {
     Ok(())
 }
 
-/// As the program's compiler: prints for each shader its name and the file of its SPIR-V, at last the digest.
+/// Runs as the program's compiler. Prints the name and the SPIR-V file of each shader, then the digest.
 fn list(root: &Path, out: &Path) -> Result<()> {
     let shaders = compile_all(root, out)?;
     shaders.iter().for_each(|shader| println!("{}\t{}", shader.name, shader.file.display()));
@@ -101,7 +101,7 @@ fn list(root: &Path, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Changes with any shader that is shipped. It is stable for one compiler: by another one, truths are merely computed again.
+/// Hashes all shipped shaders. Another compiler changes the hash, so truths are computed again.
 fn digest(shaders: &[Shader]) -> u64 {
     let mut hasher = DefaultHasher::new();
     for shader in shaders.iter().filter(|shader| shader.name.starts_with(FOLDERS[0]) && !shader.name.ends_with(FAULTS))
@@ -121,7 +121,7 @@ fn capitals(name: &str) -> String {
     name.rsplit('/').next().unwrap_or_default().replace('+', "_").to_uppercase()
 }
 
-/// Every shader below a root, in order of their names, those that have changed compiled on all cores.
+/// Compiles the shaders below a root on all cores, as far as they have changed. Returns all, sorted by name.
 fn compile_all(root: &Path, out: &Path) -> Result<Vec<Shader>> {
     let faults = cfg!(feature = "faults");
     let mut wanted = Vec::new();
@@ -150,18 +150,18 @@ fn compile_all(root: &Path, out: &Path) -> Result<Vec<Shader>> {
     let shaders: Result<Vec<_>> = done.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect();
     let mut shaders = shaders?;
     shaders.sort_by(|a, b| a.name.cmp(&b.name));
-    // most shaders have no fault
+    // most shaders have no planted fault, and are then not needed twice
     let whole: HashSet<Vec<u32>> =
         shaders.iter().filter(|s| !s.name.ends_with(FAULTS)).map(|s| s.spirv.clone()).collect();
     shaders.retain(|shader| !(shader.name.ends_with(FAULTS) && whole.contains(&shader.spirv)));
     Ok(shaders)
 }
 
-/// A shader from the cache, or compiled.
+/// Takes a shader from the cache, or compiles it.
 fn up_to_date(name: &str, path: &Path, includes: &Path, out: &Path) -> Result<Shader> {
     let mut hasher = DefaultHasher::new();
     hash_text(path, includes, &mut HashSet::new(), &mut hasher)?;
-    // another compiler, other options
+    // another compiler or other options need another file
     let this = env::current_exe().and_then(fs::metadata).map_err(|error| error.to_string())?;
     (name, this.len(), this.modified().ok()).hash(&mut hasher);
     let file = out.join("spirv").join(format!("{}-{:016x}.spv", name.replace('/', "_"), hasher.finish()));
@@ -177,7 +177,7 @@ fn up_to_date(name: &str, path: &Path, includes: &Path, out: &Path) -> Result<Sh
     Ok(Shader { name: name.to_owned(), file, spirv })
 }
 
-/// The text of a shader and of all that it includes.
+/// Hashes the text of a shader and of all that it includes.
 fn hash_text(path: &Path, includes: &Path, seen: &mut HashSet<PathBuf>, hasher: &mut DefaultHasher) -> Result<()> {
     if !seen.insert(path.to_owned()) {
         return Ok(());
@@ -199,7 +199,7 @@ fn compile(path: &Path, includes: &Path, faults: bool) -> Result<Vec<u32>> {
     let mut options = shaderc::CompileOptions::new().map_err(|error| error.to_string())?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     options.set_optimization_level(shaderc::OptimizationLevel::Performance);
-    options.set_generate_debug_info(); // keeps binding and member names, by which bindings are matched
+    options.set_generate_debug_info(); // keeps the names of bindings and members, by which bindings are matched
     options.set_warnings_as_errors();
     if faults {
         options.add_macro_definition("FAULTS", None);
@@ -213,7 +213,7 @@ fn compile(path: &Path, includes: &Path, faults: bool) -> Result<Vec<u32>> {
     spirv.map(|spirv| without_source(spirv.as_binary())).map_err(|error| error.to_string())
 }
 
-/// Leaves out the source text and line numbers that come with debug information; names of bindings and members stay.
+/// Drops the source text and line numbers of debug information. Names of bindings and members stay.
 fn without_source(spirv: &[u32]) -> Vec<u32> {
     const HEADER: usize = 5;
     // OpSourceContinued, OpSource, OpSourceExtension, OpString, OpLine, OpNoLine, OpModuleProcessed
@@ -234,7 +234,7 @@ fn read(path: &Path) -> Result<String> {
     fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// The files in a folder, by name.
+/// Lists the files in a folder, sorted by name.
 fn read_folder(folder: &Path) -> Result<Vec<PathBuf>> {
     let files = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
     let mut files: Vec<_> = files.map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -242,7 +242,7 @@ fn read_folder(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Writes a file that others read meanwhile, unless it is as it should be.
+/// Writes a file that others may be reading, unless it already has this content.
 fn write(path: &Path, content: &[u8]) -> Result<()> {
     if fs::read(path).is_ok_and(|old| old == content) {
         return Ok(());

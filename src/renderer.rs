@@ -1,4 +1,4 @@
-//! The frame, from top to bottom.
+//! Records a frame, from top to bottom.
 
 mod aov;
 pub mod cost;
@@ -45,27 +45,27 @@ use std::{
     sync::atomic::{AtomicU32, Ordering},
 };
 
-/// The six passes, as far as the plan has them, with what they keep from frame to frame.
+/// The six passes that the plan needs, with what they keep from frame to frame.
 pub struct Renderer {
     gpu: Gpu,
     options: RenderOptions,
     plan: Plan,
-    /// Until the last new video frame.
+    /// Present until the last new video frame.
     preparation: Option<Preparation>,
-    /// Looking panoramas up from their centre, and tracing them from elsewhere.
+    /// The first looks the panorama up from its centre. The second traces it from elsewhere.
     gbuffer: [Option<Gbuffer>; 2],
     lighting: Option<Lighting>,
     composite: Composite,
     panorama: Panorama,
     scene: SceneBuffers,
     picture: View,
-    /// The relit panorama's maps, one a level: each sees the one before.
+    /// The relit panorama's maps, one for each level. Each map sees the one before.
     relight: Vec<View>,
-    /// What rays are given where nothing is relit.
+    /// Bound as the relit map if nothing is relit.
     nothing: Image,
     video_frame: Option<usize>,
     previous_time: Option<f64>,
-    /// Where each instance was in the previous frame, by id: objects move by hand too.
+    /// Where each instance was in the previous frame, by id. Users move objects too.
     previous_objects: HashMap<u32, [[f32; 4]; 3]>,
     frame: u32,
     #[cfg(feature = "faults")]
@@ -75,26 +75,26 @@ pub struct Renderer {
     prepared: Timings,
 }
 
-/// What a frame is asked for besides its scene and time.
+/// What the caller wants of a frame besides its scene and time.
 #[derive(Clone, Debug, Default)]
 pub struct Wishes {
-    /// Leaves the relit panorama as it is, once it has been made.
+    /// Keeps the relit panorama as it is once it has been made.
     pub hold_relight: bool,
     /// How the frame is submitted.
     pub submission: FrameOptions,
 }
 
-/// A frame that the device was given. [`Renderer::collect`] waits for it.
+/// A frame that was submitted. [`Renderer::collect`] waits for it.
 #[must_use = "a frame that is not collected is waited for when it is dropped"]
 pub struct Begun {
     ticket: Ticket,
     new_video_frame: bool,
 }
 
-/// Frames that [`Renderer::render_all`] keeps submitted: one that the device draws, and the next.
+/// How many frames [`Renderer::render_all`] keeps submitted: the one that the device draws, and the next.
 const IN_FLIGHT: usize = 2;
 
-/// The passes of a new video frame.
+/// The passes that run for a new video frame.
 struct Preparation {
     radiance_pyramid: Option<RadiancePyramid>,
     normals: Option<Normals>,
@@ -102,10 +102,10 @@ struct Preparation {
     light_table: Option<LightTable>,
 }
 
-/// Passes 2 to 5, where there is anything to light.
+/// Passes 2 to 5, present if there is anything to light.
 struct Lighting {
     sampling_mask: SamplingMask,
-    /// Of the relit maps.
+    /// The passes of the relit maps.
     relight: Option<(Gbuffer, SamplingMask)>,
     irradiance: Irradiance,
     interpolate: Option<Interpolate>,
@@ -116,12 +116,12 @@ struct Lighting {
 /// What is the same for all views of a frame.
 struct FrameState {
     video_frame: usize,
-    /// Of the panorama, where this frame is the first to show it.
+    /// The panorama, if this frame is the first to show its video frame.
     content: Option<PanoramaFrame>,
-    /// Relative to the panorama's centre.
+    /// The instances, relative to the panorama's centre.
     instances: PackedInstances,
     moving: bool,
-    /// Whether the relit panorama is to be made anew.
+    /// Whether the relit panorama is made again.
     relight: bool,
     viewpoint: Viewpoint,
 }
@@ -155,13 +155,13 @@ impl Lighting {
 }
 
 impl Renderer {
-    /// Plans, builds pipelines and allocates for a scene of which any number of frames may be asked; nothing is rendered yet.
+    /// Plans for a scene, builds pipelines and allocates. Renders nothing yet.
     pub fn new(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> Result<Self> {
         let plan = Plan::of(scene, &options, None)?;
         Self::with_plan(gpu, scene, options, plan)
     }
 
-    /// The same, with something done wrong on purpose.
+    /// As [`Renderer::new`], with something done wrong on purpose.
     #[cfg(feature = "faults")]
     pub fn with_fault(gpu: &Gpu, scene: &Scene, options: RenderOptions, fault: Fault) -> Result<Self> {
         let plan = Plan::of(scene, &options, None)?;
@@ -170,7 +170,7 @@ impl Renderer {
         Ok(renderer)
     }
 
-    /// The same as [`Renderer::new`] by a plan that was made for this scene and these options.
+    /// As [`Renderer::new`], with a plan that was made for this scene and these options.
     pub fn with_plan(gpu: &Gpu, scene: &Scene, options: RenderOptions, plan: Plan) -> Result<Self> {
         let [width, height] = options.size;
         if width == 0 || height == 0 || width > 16384 || height > 16384 {
@@ -219,7 +219,7 @@ impl Renderer {
         })
     }
 
-    /// Renders the scene at a time in seconds, and waits. Motion is measured from the time of the previous call.
+    /// Renders the scene at a time in seconds, and waits. Motion is measured from the previous call.
     ///
     /// # Errors
     /// Fails as [`Renderer::begin`] and [`Renderer::collect`] do.
@@ -228,8 +228,8 @@ impl Renderer {
         self.collect(begun)
     }
 
-    /// Renders a frame for each of these times, and tells the timings of each in order. While the device draws one, the next is
-    /// prepared.
+    /// Renders a frame for each of these times, and passes its timings to `each` in order. Prepares the next
+    /// frame while the device draws one.
     ///
     /// # Errors
     /// Fails as [`Renderer::begin`] and [`Renderer::collect`] do, or if `each` fails. No further frame is
@@ -253,7 +253,7 @@ impl Renderer {
         in_flight.into_iter().try_for_each(|begun| each(self.collect(begun)?))
     }
 
-    /// Waits for a frame. Frames are collected in the order in which they were begun.
+    /// Waits for a frame. Frames must be collected in the order in which they were begun.
     ///
     /// # Errors
     /// Fails with [`Error::Vulkan`] if the device is lost.
@@ -265,11 +265,11 @@ impl Renderer {
         Ok(timings)
     }
 
-    /// Hands a frame over to the device: the scene at a time in seconds. What is read from the renderer afterwards is of this frame.
+    /// Submits a frame of the scene at a time in seconds. What is read afterwards is of this frame.
     ///
     /// # Errors
-    /// Fails if the video frame cannot be read, or has another size than the first; if the device is out of
-    /// memory or lost; or with [`Error::Interrupted`] if the pieces in which it is submitted were stopped.
+    /// Fails if the video frame cannot be read or has another size than the first, if the device is lost or
+    /// out of memory, or with [`Error::Interrupted`] if the submission's pieces were stopped.
     pub fn begin(&mut self, scene: &Scene, time: f64, wishes: &Wishes) -> Result<Begun> {
         let state = self.advance(scene, time, wishes)?;
         if self.relight.first().is_some_and(|map| map.history_reset.is_some()) {
@@ -295,7 +295,7 @@ impl Renderer {
         Ok(begun)
     }
 
-    /// What the device has to be told for this frame.
+    /// Uploads what the device must know for this frame.
     fn upload(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         frame.scope("upload", |frame| {
             if let Some(content) = &state.content {
@@ -306,7 +306,7 @@ impl Renderer {
         })
     }
 
-    /// Once per video frame: what is derived from the panorama alone.
+    /// Runs once per video frame. Derives what comes from the panorama alone.
     fn prepare_panorama(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         let (view, panorama) = (&self.picture.resources, &self.panorama);
         let (Some(content), Some(passes)) = (&state.content, &self.preparation) else { return Ok(()) };
@@ -326,7 +326,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Real surfaces, relit, for rays to see: the pipeline's own passes on a coarse panoramic view.
+    /// Relights real surfaces for rays to see. Runs the pipeline's own passes on a coarse panoramic view.
     fn relight_panorama(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         let Some(lighting) = &self.lighting else { return Ok(()) };
         frame.scope("relight", |frame| {
@@ -341,7 +341,7 @@ impl Renderer {
         })
     }
 
-    /// Pass 1 on one view.
+    /// Records pass 1 on one view.
     fn look(&self, frame: &mut Frame, view: &View, state: &FrameState) -> Result<()> {
         let gbuffer = match view.role {
             Role::Relight => self.lighting.as_ref().and_then(|l| l.relight.as_ref()).map(|(gbuffer, _)| gbuffer),
@@ -355,7 +355,7 @@ impl Renderer {
         gbuffer.record(frame, view, &self.panorama.resources, &self.scene)
     }
 
-    /// Passes 2 to 5 on one view, its rays seeing real surfaces as `relit` has them. Returns E_R | E and ΔE | specular.
+    /// Records passes 2 to 5 on a view whose rays see `relit`. Returns E_R | E and ΔE | specular.
     fn light<'a>(
         &'a self,
         frame: &mut Frame,
@@ -421,7 +421,7 @@ impl Renderer {
         filtered(view, settings)
     }
 
-    /// Where the picture is to converge, the relit panorama does so before the first one is accumulated over it.
+    /// Lets the relit panorama converge before a converging picture is accumulated over it.
     fn warm_up_relight(&mut self, state: &FrameState, wishes: &Wishes) -> Result<()> {
         let mut before: Option<Ticket> = None;
         for n in 0..if self.relight.is_empty() { 0 } else { self.plan.settings.relight_warmup } {
@@ -447,7 +447,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Loads what the time asks for, and finds out what has moved.
+    /// Loads what is shown at this time, and finds out what has moved.
     fn advance(&mut self, scene: &Scene, time: f64, wishes: &Wishes) -> Result<FrameState> {
         let video_frame = if self.plan.on(Part::Video) { scene.panorama.frame_at(time) } else { 0 };
         let new_video_frame = self.video_frame != Some(video_frame);
@@ -494,7 +494,7 @@ impl Renderer {
         for view in self.relight.iter_mut().filter(|_| state.relight) {
             end_view(view, relight_viewpoint(self.panorama.yaw_degrees));
         }
-        // only now: a frame that failed leaves the panorama unprepared
+        // set only now, so that a failed frame leaves the panorama unprepared
         self.video_frame = Some(state.video_frame);
         if !self.plan.on(Part::Video) && self.preparation.take().is_some() {
             self.panorama.settle();
@@ -513,7 +513,8 @@ impl Renderer {
         frame.write_buffer(&self.picture.data, 0, &[data])
     }
 
-    /// What every pass on a view reads. `relit`: whether its rays see a relit map. Each view has a stream of random numbers of its own.
+    /// The data that every pass on a view reads. `relit` says whether its rays see a relit map,
+    /// and `stream` chooses its random numbers.
     fn view_data(&self, view: &View, viewpoint: Viewpoint, relit: bool, stream: u32, state: &FrameState) -> ViewData {
         let settings = &self.plan.settings;
         let mut data = ViewData {
@@ -545,22 +546,22 @@ impl Renderer {
         if planted!(self, UnsteadySeed) { FRAMES.fetch_add(1, Ordering::Relaxed) } else { self.options.seed }
     }
 
-    /// The device it runs on.
+    /// The device on which it renders.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// What it was made for.
+    /// The options for which it was made.
     pub fn options(&self) -> &RenderOptions {
         &self.options
     }
 
-    /// What of the model it holds.
+    /// The plan by which it was built.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Frames rendered so far.
+    /// The number of frames rendered so far.
     pub fn frames(&self) -> u32 {
         self.frame
     }
@@ -577,13 +578,14 @@ impl Renderer {
         }
     }
 
-    /// Drops the picture's history alone: what is accumulated next is independent of it, but for the relit panorama.
+    /// Drops only the picture's history. Later frames depend on earlier ones through the relit panorama
+    /// alone.
     pub fn restart_picture(&mut self) {
         self.picture.history_reset = Some("another picture is begun");
     }
 }
 
-/// The names of what [`filtered`] gives.
+/// The names of the images that [`filtered`] returns.
 fn filtered_names(settings: &Settings) -> [&'static str; 2] {
     match settings.filter_order {
         FilterOrder::SpatialFirst if settings.temporal => ["a", "b"],
@@ -591,7 +593,7 @@ fn filtered_names(settings: &Settings) -> [&'static str; 2] {
     }
 }
 
-/// E_R | E and ΔE | specular radiance after both filters.
+/// Returns E_R | E and ΔE | specular radiance after both filters.
 fn filtered<'a>(view: &'a View, settings: &Settings) -> Result<[&'a Image; 2]> {
     let [a, b] = filtered_names(settings);
     Ok([view.image(a)?, view.image(b)?])
@@ -612,7 +614,7 @@ fn viewpoint(options: &RenderOptions, scene: &Scene, camera: &crate::scene::came
     }
 }
 
-/// The relit map's pixels are the panorama's texels, so it turns with it.
+/// The viewpoint of the relit map. Its pixels are the panorama's texels, so it turns with the panorama.
 fn relight_viewpoint(yaw_degrees: f32) -> Viewpoint {
     Viewpoint::equirect(Vec3::ZERO, Quat::from_rotation_y(yaw_degrees.to_radians()))
 }

@@ -1,5 +1,5 @@
-//! Files of data that tell when they are damaged. A first line names the kind of file, then follow the content's hash and
-//! the content.
+//! Files of data that show when they are damaged. A first line names the kind of file. The content's hash and
+//! the content follow.
 
 use super::{read::read_bytes, write::write_bytes};
 use crate::Result;

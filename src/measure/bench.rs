@@ -46,7 +46,7 @@ pub struct FrameTime {
     pub gpu_median_ms: f64,
     /// 95th percentile of the same time.
     pub gpu_p95_ms: f64,
-    /// Median wall time from the end of one frame to the end of the next, milliseconds. Two frames are in flight.
+    /// Median wall time between the ends of successive frames, milliseconds. Two frames are in flight.
     pub wall_median_ms: f64,
     /// 95th percentile of the same time.
     pub wall_p95_ms: f64,
@@ -262,7 +262,7 @@ impl BenchReport {
             // The queue's clock has another zero. A frame's passes are put where its GPU work must have been:
             // at its end.
             let offset = sample.began_ms + sample.wall_ms - sample.timings.gpu_ms;
-            // A scope is one event from its first entry to its last, so that a viewer shows its entries below it.
+            // A scope is one event from its first entry to its last, and a viewer shows its entries below.
             let mut scopes: Vec<(&str, f64, f64)> = Vec::new();
             for Entry { path, start_ms, ms } in &sample.timings.entries {
                 let same = scopes.iter().zip(path).take_while(|((name, ..), other)| name == other).count();

@@ -108,9 +108,9 @@ pub fn flicker(frames: Sequence, mask: Option<&[bool]>, exposure: f32) -> Result
 /// The number of frames that the test takes until it has made 90 % of the truth's change from its first frame
 /// to its last.
 ///
-/// The progress of a frame is (frame − before)·Δ / Δ·Δ. The products are sums over channels and pixels, and Δ
-/// = after − before of the truth. So each pixel counts by how much it should change and in that direction, a
-/// shadow that leaves one place for another does not cancel, and noise averages out.
+/// The progress of a frame is (frame − before)·Δ / Δ·Δ, where Δ is after − before of the truth. The products
+/// are sums over channels and pixels. So each pixel counts by how much it should change and in that
+/// direction, a shadow that leaves one place for another does not cancel, and noise averages out.
 ///
 /// `before` is each sequence's own mean over the frames where the truth has made less than 10 % of the
 /// change, so that a constant error is no lag. `after` is the truth's mean over the frames where it has made
@@ -131,8 +131,8 @@ pub fn lag(test: Sequence, truth: Sequence, mask: Option<&[bool]>, exposure: f32
 ///
 /// A picture that is all past has k = 1. A picture that overshoots the change has a negative k. If the error
 /// has nothing to do with the past, as white noise in expectation, k is 0. Where the truth stands still no
-/// past can be left, and k is 0. Noise in the truth itself, of variance σ² where it changes by Δ, adds σ²/(Δ²
-/// + 2σ²), so the truth should be converged.
+/// past can be left, and k is 0. The truth should be converged: if its noise has variance σ² where it changes
+/// by Δ, it adds σ²/(Δ² + 2σ²).
 ///
 /// # Errors
 /// Fails like [`lag()`].

@@ -1,6 +1,6 @@
-//! Maps equirectangular pixels to directions of the panorama's own frame. In the world they are turned by its yaw.
-//! `phi = 2π(u − ½)`, `theta = πv`, and `d = (sin θ sin φ, cos θ, −sin θ cos φ)`. The image's centre looks along
-//! −Z, `u` grows to the right, `v = 0` is +Y, and texel centres are at `((i + ½)/W, (j + ½)/H)`.
+//! Maps equirectangular pixels to directions of the panorama's own frame, which its yaw turns in the world.
+//! `phi = 2π(u − ½)`, `theta = πv`, and `d = (sin θ sin φ, cos θ, −sin θ cos φ)`. The image's centre looks
+//! along −Z, `u` grows to the right, `v = 0` is +Y, and texel centres are at `((i + ½)/W, (j + ½)/H)`.
 
 use super::source::PanoramaFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3};

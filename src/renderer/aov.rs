@@ -1,4 +1,4 @@
-//! What can be read back of a frame: the picture, its error, and any image by name.
+//! Reads back the picture, its error, and any other image of a frame by name.
 
 use super::{Renderer, filtered, filtered_names};
 use crate::{
@@ -12,13 +12,13 @@ use crate::{
 };
 
 impl Renderer {
-    /// The picture: linear radiance, RGBA, row 0 at the top.
+    /// The picture as linear radiance, RGBA, row 0 at the top.
     pub fn picture(&self) -> Result<Vec<[f32; 4]>> {
         self.aov("radiance")
     }
 
-    /// Standard error of the accumulated irradiance, relative to its mean: the root of the mean variance of each pixel's mean over
-    /// the mean luminance, real surfaces' change and virtual surfaces' lobes together. 0 where nothing is accumulated.
+    /// The standard error of the accumulated irradiance: √(mean variance of a pixel's mean) / (mean
+    /// luminance), over all real and virtual surfaces. 0 if nothing is accumulated.
     pub fn standard_error(&self) -> Result<f64> {
         let (mut variance, mut mean) = (0.0, 0.0);
         for image in ["a", "b"].iter().filter_map(|name| self.picture.resources.image(name)) {
@@ -33,7 +33,7 @@ impl Renderer {
         Ok(if mean > 0.0 { (variance / pixels).sqrt() / (mean / pixels) } else { 0.0 })
     }
 
-    /// Names of all that [`Renderer::aov`] gives.
+    /// The names of all images that [`Renderer::aov`] returns.
     pub fn aov_names(&self) -> Vec<String> {
         let derived = DERIVED.iter().map(|(name, _)| (*name).to_owned());
         let images = self.picture.resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_)));
@@ -44,17 +44,17 @@ impl Renderer {
         derived.chain(names).filter(|name| self.source(name).is_ok()).collect()
     }
 
-    /// Whether [`Renderer::aov`] gives an image of this name.
+    /// Checks that [`Renderer::aov`] returns an image of this name.
     ///
     /// # Errors
-    /// Fails if nothing has that name, or if the plan leaves the image out, and says why.
+    /// Fails if nothing has that name, or if the plan leaves the image out. The error says why.
     pub fn require_aov(&self, name: &str) -> Result<()> {
         self.source(name).map(|_| ())
     }
 
-    /// An image of the last frame by name, as RGBA: `position_real`, `normal_virtual`, `camera_radiance`, …, and the derived
-    /// `irradiance_real` (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`, `object_id`,
-    /// and `motion` and `position` of the surface that covers more of the pixel.
+    /// An image of the last frame by name, as RGBA. Besides the images of a view there are `irradiance_real`
+    /// (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`,
+    /// `object_id`, and `motion` and `position` of the surface that covers more of the pixel.
     pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
         let (image, layer) = self.source(name)?;
         let mut texels = self.gpu.read_image(image, layer)?;
@@ -82,7 +82,7 @@ impl Renderer {
         Ok(texels)
     }
 
-    /// The image behind a name, and its layer.
+    /// The image with the values of this name, and its layer.
     pub(super) fn source(&self, name: &str) -> Result<(&Image, u32)> {
         let resources = &self.picture.resources;
         let left_out = |part: Part| {
@@ -128,7 +128,7 @@ impl Renderer {
     }
 }
 
-/// Where a derived image comes from: a layer of a or b after all filters, the ids, or whichever layer covers more of a pixel.
+/// The source of a derived image: a layer of a or b, the ids, or the surface that covers more of a pixel.
 enum Derived {
     A(u32),
     B(u32),
@@ -136,7 +136,7 @@ enum Derived {
     Seen(&'static str),
 }
 
-/// Images that are put together on reading.
+/// Images that are computed when they are read.
 const DERIVED: [(&str, Derived); 7] = [
     ("irradiance_real", Derived::A(REAL)),
     ("irradiance_mixed", Derived::A(REAL)),

@@ -1,4 +1,4 @@
-//! What a plan costs: dispatches, device memory, code.
+//! What a plan costs: dispatches and device memory.
 
 use crate::{
     Result,
@@ -10,16 +10,15 @@ use crate::{
 };
 use std::fmt::Write;
 
-/// What [`Plan::cost`] counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cost {
     /// Dispatches of a frame that shows a new video frame.
     pub dispatches: u32,
-    /// Bytes of images and lists, without what drivers round up to; the objects' own triangles and textures not counted.
+    /// Bytes of images and lists before drivers round them up, without objects' triangles and textures.
     pub bytes: u64,
 }
 
-/// What a part adds to a plan; negative where it saves.
+/// What a part adds to a plan. Values are negative if the part saves something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference {
     /// Dispatches of a frame that shows a new video frame.
@@ -28,19 +27,19 @@ pub struct Difference {
     pub bytes: i64,
 }
 
-/// A pass in a plan.
+/// A pass, as a plan runs it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PassPlan {
-    /// The pass.
+    /// The pass's name.
     pub name: &'static str,
     /// How often it is dispatched in a frame that shows a new video frame.
     pub dispatches: u32,
-    /// Why it is not, where it is not.
+    /// Why it does not run, if it does not.
     pub off: Option<String>,
 }
 
 impl Plan {
-    /// All passes in frame order.
+    /// All passes in the order of the frame.
     pub fn passes(&self) -> Vec<PassPlan> {
         let pass = |row: &Row| {
             let dispatches = (row.dispatches)(self);
@@ -51,7 +50,7 @@ impl Plan {
         PASSES.iter().map(pass).collect()
     }
 
-    /// Dispatches and memory.
+    /// The dispatches and the memory of the plan.
     pub fn cost(&self) -> Cost {
         let width = self.settings.relight_width;
         let relight = view::bytes(self, Role::Relight, [width, width.div_ceil(2)]);
@@ -62,7 +61,7 @@ impl Plan {
         }
     }
 
-    /// The plan in a line: what is on, and how many parts the scene does without.
+    /// The plan in one line: the number of parts that are on, and the names of those left out.
     pub fn summary(&self) -> String {
         let off: Vec<_> =
             self.parts.iter().filter(|d| !d.on && !matches!(d.by, By::Need(_))).map(|d| d.part.name()).collect();
@@ -76,10 +75,11 @@ impl Plan {
         )
     }
 
-    /// What each part costs: against the same plan with it forced off, or, where it is off, what it would cost forced on.
+    /// What each part costs, compared with the same plan without it. A part that is off is forced on for
+    /// this.
     ///
     /// # Errors
-    /// Fails only if the table of parts has a fault.
+    /// Fails only if the table of parts has an error.
     pub fn costs(&self) -> Result<Vec<Difference>> {
         let own = self.cost();
         let difference = |decision| {
@@ -93,7 +93,7 @@ impl Plan {
         self.parts.iter().map(difference).collect()
     }
 
-    /// For people: each part on or off, what it costs, and why.
+    /// A table for people to read: each part, whether it is on, what it costs, and why.
     ///
     /// # Errors
     /// Fails as [`Plan::costs`] does.
@@ -108,7 +108,7 @@ impl Plan {
         Ok(out)
     }
 
-    /// The same for programs.
+    /// The same as JSON.
     ///
     /// # Errors
     /// Fails as [`Plan::costs`] does.

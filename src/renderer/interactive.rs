@@ -1,4 +1,4 @@
-//! What a window asks of a renderer besides frames: other sizes, a fresh start, images to show without reading them back.
+//! What a window needs besides frames: other sizes, a fresh start, and images to show from the device.
 
 use super::{Renderer, filtered};
 use crate::{
@@ -13,25 +13,24 @@ use crate::{
 /// Where the values of an AOV are on the device.
 #[derive(Clone, Debug)]
 pub struct Source<'a> {
-    /// The image.
     pub image: &'a Image,
     /// Its layer.
     pub layer: u32,
-    /// To be added to it, the same layer.
+    /// An image to add to it, from the same layer.
     pub plus: Option<&'a Image>,
-    /// The one channel that counts, of all.
+    /// The one channel to show, or all for `None`.
     pub channel: Option<usize>,
 }
 
-/// Pictures of other sizes that are kept.
+/// How many views of other sizes are kept.
 const SPARE: usize = 2;
 
 impl Renderer {
-    /// Pictures have this size from now on, in pixels. A size that was used before keeps what was allocated for it; the history is
-    /// dropped.
+    /// Sets the size of pictures in pixels and drops the history. The images of the last sizes are kept and
+    /// used again.
     ///
     /// # Errors
-    /// Fails if there is no memory.
+    /// Fails if the device is out of memory.
     pub fn set_size(&mut self, size: [u32; 2]) -> Result<()> {
         if size == self.options.size {
             return Ok(());
@@ -51,10 +50,11 @@ impl Renderer {
         Ok(())
     }
 
-    /// Where the last frame shows what the capture never saw: 1 there, 0 elsewhere.
+    /// Finds where the last frame shows what the capture never saw. The image is 1 there and 0 elsewhere.
     ///
     /// # Errors
-    /// Fails if there is no memory, if the device is lost, or if nothing was rendered yet.
+    /// Fails if nothing was rendered yet, the panorama's depth is not used, or the device is lost or
+    /// out of memory.
     pub fn unknown(&mut self) -> Result<Image> {
         let Some(frame) = self.video_frame else { return Err(Error::Internal("nothing was rendered yet".into())) };
         if !self.plan.boxes() {
@@ -70,7 +70,7 @@ impl Renderer {
         found
     }
 
-    /// As if nothing had been rendered yet, so that the frames from here on are those of a new renderer.
+    /// Forgets all frames, so that the next ones are those of a new renderer.
     pub fn restart(&mut self) {
         self.reset_history("a fresh start");
         for view in std::iter::once(&mut self.picture).chain(&mut self.relight) {
@@ -81,7 +81,7 @@ impl Renderer {
         self.frame = 0;
     }
 
-    /// Where an image of the last frame is; the names are those of [`Renderer::aov_names`].
+    /// Where an image of the last frame is on the device. The names are those of [`Renderer::aov_names`].
     ///
     /// # Errors
     /// Fails if there is no such image.

@@ -89,7 +89,8 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// A triangle that shines, in the path tracer's table. `below`: the probability of all lights before this one.
+    /// A triangle that shines, in the path tracer's table. `below` is the probability of all lights before
+    /// it.
     pub struct Light { pub instance: u32, pub triangle: u32, pub below: f32, pub padding: u32 }
 }
 

@@ -1,7 +1,7 @@
-//! SPIR-V of `shaders/glsl/*.comp`, compiled by `build.rs`: a constant for each, named as the file's stem in capitals.
+//! The SPIR-V of `shaders/glsl/*.comp` from `build.rs`. Each constant is named as its file in capitals.
 //!
-//! A release build knows these alone. A debug build uses the shaders on disk as they are when it starts, so that a changed
-//! shader needs no rebuild, and can take them up again while it runs.
+//! A release build has only these. A debug build uses the shaders on disk as they are when it starts, so that
+//! a changed shader needs no rebuild. It can also load them again while it runs.
 
 #[cfg(not(debug_assertions))]
 use crate::Result;
@@ -13,25 +13,25 @@ mod reload;
 #[cfg(debug_assertions)]
 pub use reload::{Compiled, Sources, current, digest, reload};
 
-/// What a shader is now, by the constant that it was at build time.
+/// The SPIR-V to use in place of a build-time constant.
 ///
 /// # Errors
-/// Never in a release build; in a debug build fails if a shader on disk cannot be compiled.
+/// Never fails in a release build. Fails in a debug build if a shader on disk cannot be compiled.
 #[cfg(not(debug_assertions))]
 pub fn current(spirv: &'static [u32]) -> Result<&'static [u32]> {
     Ok(spirv)
 }
 
-/// Changes with any of the shaders.
+/// A hash that changes with any of the shaders.
 ///
 /// # Errors
-/// Never in a release build; in a debug build fails if a shader on disk cannot be compiled.
+/// Never fails in a release build. Fails in a debug build if a shader on disk cannot be compiled.
 #[cfg(not(debug_assertions))]
 pub fn digest() -> Result<u64> {
     Ok(DIGEST)
 }
 
-/// The same shader with planted faults in it, if it has any.
+/// The same shader with code for planted faults, if it has any.
 #[cfg(feature = "faults")]
 pub fn faulty(spirv: &[u32]) -> Option<&'static [u32]> {
     FAULTY.iter().find(|(whole, _)| *whole == spirv).map(|(_, faulty)| *faulty)

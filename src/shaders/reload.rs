@@ -1,5 +1,5 @@
-//! The shaders on disk, in debug builds. The build script, which is the compiler, brings its cache up to date and says
-//! where each shader's SPIR-V is.
+//! The shaders on disk, in debug builds. The build script is the compiler. It brings its cache up to date and
+//! says where the SPIR-V of each shader is.
 
 use super::{DIGEST, SOURCES};
 use crate::{Error, Result};
@@ -9,7 +9,7 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// Every shader that is not as it was at build time, by name, and the digest of all.
+/// The shaders that have changed since the build, by name, and the digest of all.
 #[derive(Clone, Default)]
 struct State {
     changed: Vec<(&'static str, &'static [u32])>,
@@ -18,35 +18,35 @@ struct State {
 
 static STATE: Mutex<Option<State>> = Mutex::new(None);
 
-/// Where shaders are read from.
+/// The folder from which shaders are read.
 pub struct Sources {
     root: PathBuf,
 }
 
-/// What shaders on disk were compiled to.
+/// The shaders of a folder, compiled.
 pub struct Compiled {
     /// The SPIR-V of each shader by its path from the root, without `.comp`.
     pub shaders: Vec<(String, Vec<u32>)>,
-    /// Changes with any of those that are shipped.
+    /// Changes with any of the shaders that are shipped.
     pub digest: u64,
 }
 
 impl Sources {
-    /// A folder that has `shaders/glsl` and `tests/glsl`.
+    /// Reads from a folder that has `shaders/glsl` and `tests/glsl`.
     pub fn at(root: &Path) -> Self {
         Self { root: root.to_owned() }
     }
 
-    /// The source that this program was built from, or what `IPRT_SHADERS` names instead.
+    /// Reads the source that this program was built from, or the folder that `IPRT_SHADERS` names.
     fn ours() -> Self {
         let root = std::env::var_os("IPRT_SHADERS").unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
         Self { root: root.into() }
     }
 
-    /// Compiles what has changed since it was compiled last.
+    /// Compiles the shaders that have changed since they were last compiled.
     ///
     /// # Errors
-    /// Fails if a shader cannot be read or compiled; the error names its file and line.
+    /// Fails if a shader cannot be read or compiled. The error names its file and line.
     pub fn compile(&self) -> Result<Compiled> {
         let compiler = env!("IPRT_SHADER_COMPILER");
         let refuse = |problem: String| {
@@ -77,7 +77,7 @@ impl State {
     fn read(before: &Self) -> Result<Self> {
         let sources = Sources::ours();
         if !Path::new(env!("IPRT_SHADER_COMPILER")).exists() || !sources.root.join("shaders/glsl").exists() {
-            return Ok(Self::default()); // the program has left the machine that built it
+            return Ok(Self::default()); // the program runs on another machine than it was built on
         }
         let Compiled { shaders, digest } = sources.compile()?;
         let mut changed = Vec::new();
@@ -87,7 +87,7 @@ impl State {
             if let Some(known) = known {
                 changed.push(*known);
             } else if **built != words {
-                // pipelines are found by the address of their SPIR-V, so it stays where it is
+                // pipelines are found by the address of their SPIR-V, so it must stay where it is
                 changed.push((*name, &*words.leak()));
             }
         }
@@ -95,7 +95,7 @@ impl State {
     }
 }
 
-/// Does something with the state, which the first to ask for reads.
+/// Calls `work` with the state, which the first call reads.
 fn with<T>(work: impl FnOnce(&State) -> T) -> Result<T> {
     let mut state = STATE.lock().unwrap_or_else(PoisonError::into_inner);
     if state.is_none() {
@@ -104,7 +104,7 @@ fn with<T>(work: impl FnOnce(&State) -> T) -> Result<T> {
     Ok(work(state.as_ref().unwrap_or(&State::default())))
 }
 
-/// What a shader is now, by the constant that it was at build time.
+/// The SPIR-V to use in place of a build-time constant.
 ///
 /// # Errors
 /// Fails if a shader on disk cannot be compiled.
@@ -115,7 +115,7 @@ pub fn current(spirv: &'static [u32]) -> Result<&'static [u32]> {
     })
 }
 
-/// Changes with any of the shaders.
+/// A hash that changes with any of the shaders.
 ///
 /// # Errors
 /// Fails if a shader on disk cannot be compiled.
@@ -123,10 +123,10 @@ pub fn digest() -> Result<u64> {
     with(|state| state.digest.unwrap_or(DIGEST))
 }
 
-/// Takes up the shaders on disk as they are now; passes that are made from now on have them. Says whether any has changed.
+/// Loads the shaders on disk as they are now. Passes made from now on use them. Says whether any has changed.
 ///
 /// # Errors
-/// Fails if a shader on disk cannot be compiled. All of them then stay as they were.
+/// Fails if a shader on disk cannot be compiled. All shaders then stay as they were.
 pub fn reload() -> Result<bool> {
     let before = with(State::clone)?;
     let now = State::read(&before)?;

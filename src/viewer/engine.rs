@@ -321,7 +321,8 @@ impl<'a> Worker<'a> {
         Ok(())
     }
 
-    /// Takes up the shaders on disk. Where one cannot be compiled or has other bindings, all pipelines stay as they were.
+    /// Loads the shaders on disk. If one fails to compile or binds something else, all pipelines stay as they
+    /// were.
     #[cfg(debug_assertions)]
     fn reload(&mut self, wanted: &Wanted) {
         self.orders.retain(|order| !matches!(order, Order::Reload));

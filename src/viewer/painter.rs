@@ -240,7 +240,8 @@ impl Painter {
         let begun = renderer.begin(scene, wanted.time, &wishes);
         let collected = begun.and_then(|begun| {
             self.in_flight.push_back(InFlight { begun, start, size, built });
-            // While something moves, the newest picture counts. Afterwards the device always has a next frame.
+            // While something moves, the newest picture counts. Afterwards the device always has a next
+            // frame.
             self.collect(if pace == Pace::Quick { 0 } else { 1 })
         });
         if let Err(error) = collected {
