@@ -91,6 +91,9 @@ pub struct Begun {
     new_video_frame: bool,
 }
 
+/// What uploads are timed under.
+pub const UPLOAD: &str = "upload";
+
 /// How many frames [`Renderer::render_all`] keeps submitted: the one that the device draws, and the next.
 const IN_FLIGHT: usize = 2;
 
@@ -297,7 +300,7 @@ impl Renderer {
 
     /// Uploads what the device must know for this frame.
     fn upload(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
-        frame.scope("upload", |frame| {
+        frame.scope(UPLOAD, |frame| {
             if let Some(content) = &state.content {
                 self.panorama.upload(frame, content)?;
             }

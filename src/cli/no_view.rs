@@ -13,7 +13,7 @@ pub struct Args {
 /// Says that there is no window.
 ///
 /// # Errors
-/// Always, as this build has none.
+/// Fails always, as this build has none.
 pub fn run(_: Args) -> Result<()> {
     let remedy = "build it with the feature `viewer`, which cargo leaves out only by --no-default-features";
     Err(Error::input("view", "this build has no window", remedy))

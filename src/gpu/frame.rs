@@ -377,10 +377,13 @@ impl Frame {
     pub fn submit(self) -> Result<Ticket> {
         let commands = needed(self.commands, &self.options)?;
         match &self.options.pieces {
-            Some(pieces) => {
-                let timings = encode::run_pieces(&self.gpu, cut(commands), &|| pieces.stopped())?;
-                Ok(Ticket::done(timings))
-            }
+            Some(pieces) => match encode::run_pieces(&self.gpu, cut(commands), &|| pieces.stopped()) {
+                Err(error) if !matches!(error, Error::Interrupted { .. }) => {
+                    self.slot.abandon(); // a piece may still read what is staged in it
+                    Err(error)
+                }
+                ran => ran.map(Ticket::done),
+            },
             None => Ticket::submit(&self.gpu, self.slot, commands),
         }
     }

@@ -14,7 +14,7 @@ use ash::vk;
 use super::device::during;
 use crate::Result;
 
-/// Larger caches are not kept. They hold many versions of the shaders.
+/// A larger cache is deleted. It holds many versions of the shaders.
 const LARGEST: usize = 64 << 20;
 /// Bytes of the check sum before the driver's own data.
 const CHECK: usize = blake3::OUT_LEN;
@@ -62,8 +62,7 @@ impl PipelineCache {
         unsafe { device.destroy_pipeline_cache(self.handle, None) };
         if let (Some(file), Ok(data)) = (&self.file, data)
             && data != self.loaded
-            && data.len() <= LARGEST
-            && let Err(error) = store(file, &data)
+            && let Err(error) = if data.len() <= LARGEST { store(file, &data) } else { fs::remove_file(file) }
         {
             tracing::debug!("{}: the pipelines cannot be kept: {error}", file.display());
         }

@@ -34,12 +34,11 @@ pub(super) struct Slot {
     query_count: u32,
     pub descriptors: vk::DescriptorPool,
     descriptor_counts: Counts,
-    /// The last one is being filled.
     staging: Vec<Staging>,
 }
 
-/// How much staging memory an idle slot keeps, bytes.
-pub(super) const KEPT_STAGING: u64 = 64 << 20;
+/// How much staging memory an idle slot keeps, bytes: that of a video frame of 4096×2048.
+pub(super) const KEPT_STAGING: u64 = 192 << 20;
 /// Staging memory is allocated in chunks of at least this many bytes.
 const STAGING_CHUNK: u64 = 1 << 20;
 
@@ -176,7 +175,7 @@ impl Slot {
 
     /// Copies `bytes` to staging memory. Returns the buffer and the offset in it.
     pub(super) fn stage(&mut self, shared: &Shared, bytes: &[u8]) -> Result<(vk::Buffer, u64)> {
-        if let Some(place) = self.staging.last_mut().and_then(|staging| staging.append(bytes)) {
+        if let Some(place) = self.staging.iter_mut().find_map(|staging| staging.append(bytes)) {
             return Ok(place);
         }
         let mut staging = Staging::new(shared, STAGING_CHUNK.max(bytes.len() as u64))?;
@@ -185,13 +184,18 @@ impl Slot {
         place.ok_or_else(|| crate::Error::Internal("staging memory is not mapped".into()))
     }
 
-    /// Empties the staging memory, which the device must not use any more. Keeps the largest allowed chunk.
+    /// Empties the staging memory, which the device must not use any more, and frees what is beyond
+    /// [`KEPT_STAGING`].
     fn clear_staging(&mut self, shared: &Shared) {
-        let kept = (0..self.staging.len()).filter(|&i| self.staging[i].bytes() <= KEPT_STAGING);
-        let kept = kept.max_by_key(|&i| self.staging[i].bytes());
-        let kept = kept.map(|largest| self.staging.swap_remove(largest));
-        self.staging.drain(..).for_each(|staging| staging.destroy(shared));
-        self.staging.extend(kept.map(Staging::emptied));
+        let mut total = 0;
+        for staging in std::mem::take(&mut self.staging) {
+            total += staging.bytes();
+            if total <= KEPT_STAGING {
+                self.staging.push(staging.emptied());
+            } else {
+                staging.destroy(shared);
+            }
+        }
     }
 
     pub(super) fn reserve_queries(&mut self, shared: &Shared, count: u32) -> Result<()> {

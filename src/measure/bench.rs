@@ -4,7 +4,7 @@ use super::clock::{self, Sample, median, quantile};
 use crate::{
     Result,
     gpu::{Entry, Node},
-    renderer::{Renderer, Wishes, cost::PassPlan},
+    renderer::{Renderer, UPLOAD, Wishes, cost::PassPlan},
     scene::Scene,
 };
 use serde::Serialize;
@@ -52,7 +52,7 @@ pub struct FrameTime {
     pub wall_p95_ms: f64,
     /// The share of all frames' wall time in which the GPU did nothing for them.
     pub beyond_gpu: f64,
-    /// The share of the GPU's frame time that the passes take. It is the median over the frames.
+    /// The share of the GPU's frame time that passes and uploads take. It is the median over the frames.
     pub coverage: f64,
 }
 
@@ -111,7 +111,7 @@ pub fn run(
     wishes: &Wishes,
     mut progress: impl FnMut(),
 ) -> Result<BenchReport> {
-    let numbers = std::iter::repeat_n(first, warmup as usize).chain(first..first + frames);
+    let numbers = std::iter::repeat_n(first, warmup as usize).chain((0..frames).map(|n| first + n));
     let times = numbers.map(|frame| scene.panorama.frame_time(frame as usize));
     let mut samples = Vec::new();
     clock::frames(renderer, scene, times, wishes, |sample| {
@@ -215,10 +215,13 @@ impl BenchReport {
                 ),
             };
         }
+        if let Some(upload) = self.tree.iter().find(|node| node.name == UPLOAD) {
+            let _ = writeln!(out, "{UPLOAD:<18}{:>10.2}", upload.median_ms);
+        }
         let f = &self.frame;
         let _ = writeln!(
             out,
-            "{:<18}{:>10.2}{:>10.2}   passes cover {:.1} % of it",
+            "{:<18}{:>10.2}{:>10.2}   passes and uploads cover {:.1} % of it",
             "frame, GPU",
             f.gpu_median_ms,
             f.gpu_p95_ms,

@@ -5,7 +5,7 @@ use crate::{
     Result,
     gpu::Timings,
     passes::{Every, PASSES},
-    renderer::{Renderer, Wishes},
+    renderer::{Renderer, UPLOAD, Wishes},
     scene::Scene,
 };
 use serde::{Deserialize, Serialize};
@@ -83,16 +83,18 @@ impl FrameClock {
     pub fn round(self, renderer: &Renderer) -> Round {
         let mut passes: BTreeMap<String, Vec<f64>> = BTreeMap::new();
         for sample in &self.timed {
-            for pass in sample.timings.tree() {
-                passes.entry(pass.name).or_default().push(pass.ms);
+            for (name, ms) in PASSES.iter().filter_map(|pass| Some((pass.name, sample.timings.pass(pass.name)?))) {
+                passes.entry(name.to_owned()).or_default().push(ms);
             }
         }
-        let once = PASSES.iter().filter(|pass| pass.every == Every::VideoFrame);
+        // The panorama is uploaded before it is prepared.
+        let once = PASSES.iter().filter(|pass| pass.every == Every::VideoFrame).map(|pass| pass.name);
+        let once = once.chain([UPLOAD]);
         Round {
             frame_ms: self.timed.iter().map(|sample| sample.timings.gpu_ms).collect(),
             wall_ms: self.timed.iter().map(|sample| sample.wall_ms).collect(),
             passes: passes.into_iter().map(|(name, mut ms)| (name, quantile(&mut ms, 0.5))).collect(),
-            prepare_ms: once.filter_map(|pass| renderer.prepared().pass(pass.name)).sum(),
+            prepare_ms: once.filter_map(|name| renderer.prepared().pass(name)).sum(),
             scores: None,
         }
     }
@@ -107,7 +109,7 @@ pub struct Round {
     pub wall_ms: Vec<f64>,
     /// Median GPU milliseconds of each pass that was dispatched.
     pub passes: BTreeMap<String, f64>,
-    /// GPU milliseconds of the passes that run once a video frame.
+    /// GPU milliseconds of the upload of a video frame and of the passes that run once for it.
     pub prepare_ms: f64,
     /// Scores of the still picture, with another seed in each round. `None` if the round has too few frames
     /// for it.

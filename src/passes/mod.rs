@@ -40,7 +40,7 @@ pub enum Every {
 
 /// One pass of the table.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
+pub struct PassRow {
     /// Its name in timings, labels and documents.
     pub name: &'static str,
     /// What it makes.
@@ -58,8 +58,8 @@ pub struct Row {
 }
 
 /// The passes in the order of the frame. `relight` stands for the passes after it, on the relit maps.
-pub const PASSES: &[Row] = &[
-    Row {
+pub const PASSES: &[PassRow] = &[
+    PassRow {
         name: "radiance_pyramid",
         what: "mip levels of the panorama's radiance, where the picture is coarser than it",
         every: Every::VideoFrame,
@@ -68,7 +68,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::RadiancePyramid],
         color: "#8c8c8c",
     },
-    Row {
+    PassRow {
         name: "normals",
         what: "plane fits through the depth, which moves off its codes' steps",
         every: Every::VideoFrame,
@@ -77,7 +77,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::Objects, Part::OffCentre],
         color: "#a6761d",
     },
-    Row {
+    PassRow {
         name: "depth_pyramid",
         what: "the boxes that rays through the panorama walk",
         every: Every::VideoFrame,
@@ -88,7 +88,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::RealTracer, Part::OffCentre],
         color: "#666a1f",
     },
-    Row {
+    PassRow {
         name: "light_table",
         what: "the panorama's lamps and windows as something to draw directions from",
         every: Every::VideoFrame,
@@ -97,7 +97,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::LightTable],
         color: "#e6ab02",
     },
-    Row {
+    PassRow {
         name: "relight",
         what: "the passes below on the relit panorama's maps, once a level",
         every: Every::Frame,
@@ -109,7 +109,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::Relight],
         color: "#d95f02",
     },
-    Row {
+    PassRow {
         name: "gbuffer",
         what: "primary visibility of panorama and objects, then the fraction M at silhouettes",
         every: Every::Frame,
@@ -118,7 +118,7 @@ pub const PASSES: &[Row] = &[
         without: &[],
         color: "#7570b3",
     },
-    Row {
+    PassRow {
         name: "sampling_mask",
         what: "which pixels trace this frame, compacted",
         every: Every::Frame,
@@ -127,7 +127,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::Objects],
         color: "#1b9e77",
     },
-    Row {
+    PassRow {
         name: "irradiance",
         what: "one path for each traced surface: first the real ones, then the virtual ones, which see them relit",
         every: Every::Frame,
@@ -136,7 +136,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::Objects],
         color: "#e7298a",
     },
-    Row {
+    PassRow {
         name: "interpolate",
         what: "pixels that were not traced, from traced neighbours",
         every: Every::Frame,
@@ -145,7 +145,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::Interpolate],
         color: "#66a61e",
     },
-    Row {
+    PassRow {
         name: "temporal",
         what: "accumulation along motion vectors",
         every: Every::Frame,
@@ -154,7 +154,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::Temporal],
         color: "#1f78b4",
     },
-    Row {
+    PassRow {
         name: "atrous",
         what: "the edge-avoiding filter, a dispatch a level",
         every: Every::Frame,
@@ -163,7 +163,7 @@ pub const PASSES: &[Row] = &[
         without: &[Part::Atrous],
         color: "#b2182b",
     },
-    Row {
+    PassRow {
         name: "composite",
         what: "the picture: real surfaces relit, and virtual ones over them",
         every: Every::Frame,

@@ -9,7 +9,7 @@ pub mod facts;
 pub mod part;
 
 pub use facts::{CameraPlace, Facts};
-pub use part::{Part, Row};
+pub use part::{Part, PartRow};
 
 use crate::{
     Result,
@@ -113,7 +113,7 @@ impl Plan {
     fn decision(&self, part: Part) -> Decision {
         let settings = &self.asked;
         let decided = |on, by, why: String| Decision { part, on, by, why };
-        let Row { setting, off, needs, .. } = *part.row();
+        let PartRow { setting, off, needs, .. } = *part.row();
         if let Some(other) = needs.filter(|other| !self.on(*other)) {
             return decided(false, By::Need(other), format!("{} is off", other.name()));
         }

@@ -8,7 +8,7 @@ use std::fmt::Write;
 
 /// One row of the table.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
+pub struct PartRow {
     pub name: &'static str,
     /// The key of `--set` that forces it on or off.
     pub setting: &'static str,
@@ -37,7 +37,7 @@ macro_rules! parts {
             pub const ALL: [Self; TABLE.len()] = [ $( Self::$part, )* ];
         }
 
-        const TABLE: &[Row] = &[ $( Row { what: $what, $( $field: $value, )* }, )* ];
+        const TABLE: &[PartRow] = &[ $( PartRow { what: $what, $( $field: $value, )* }, )* ];
     };
 }
 
@@ -131,7 +131,7 @@ parts! {
 
 impl Part {
     /// Its row of the table.
-    pub const fn row(self) -> &'static Row {
+    pub const fn row(self) -> &'static PartRow {
         &TABLE[self as usize]
     }
 
@@ -146,7 +146,7 @@ impl Part {
 
     /// The value of its setting that turns it on: the method's, or that of `iprt` if the method's is off.
     pub fn value_on(self, method: Method) -> String {
-        let Row { setting, off, .. } = *self.row();
+        let PartRow { setting, off, .. } = *self.row();
         let of = |method| Settings::of(method).value(setting).unwrap_or_default();
         match self.is_switch() {
             true => "on".to_owned(),
@@ -156,7 +156,7 @@ impl Part {
 
     /// The settings that force it on or off, whatever the scene holds.
     pub fn forced(self, on: bool, method: Method) -> Vec<(&'static str, String)> {
-        let Row { setting, off, needs, .. } = *self.row();
+        let PartRow { setting, off, needs, .. } = *self.row();
         if !on {
             return vec![(setting, off.to_owned())];
         }
@@ -176,7 +176,7 @@ impl Part {
         out += "|---|---|---|---|---|---|\n";
         let code = |name: Option<&str>| name.map_or(String::new(), |name| format!("`{name}`"));
         for part in Self::ALL {
-            let Row { name, setting, off, needs, constant, off_where, leaves_out, .. } = part.row();
+            let PartRow { name, setting, off, needs, constant, off_where, leaves_out, .. } = part.row();
             let (needs, constant) = (code(needs.map(Self::name)), code(*constant));
             let on = part.value_on(Method::Iprt);
             let _ = writeln!(
@@ -191,7 +191,7 @@ impl Part {
     pub fn help() -> String {
         let mut out = "Parts, and the settings that force them on or off:".to_owned();
         for part in Self::ALL {
-            let Row { name, setting, off, what, .. } = part.row();
+            let PartRow { name, setting, off, what, .. } = part.row();
             let set = format!("--set {setting}={}|{off}", part.value_on(Method::Iprt));
             let _ = write!(out, "\n  {name:<18}{set:<36}{what}");
         }

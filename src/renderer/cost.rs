@@ -3,7 +3,7 @@
 use crate::{
     Result,
     passes::{
-        PASSES, Row, panorama,
+        PASSES, PassRow, panorama,
         view::{self, Role},
     },
     plan::{By, Decision, Part, Plan},
@@ -41,7 +41,7 @@ pub struct PassPlan {
 impl Plan {
     /// All passes in the order of the frame.
     pub fn passes(&self) -> Vec<PassPlan> {
-        let pass = |row: &Row| {
+        let pass = |row: &PassRow| {
             let dispatches = (row.dispatches)(self);
             let missing = row.without.iter().filter(|part| !self.on(**part));
             let why = || missing.map(|part| self.reason(*part)).collect::<Vec<_>>().join("; ");

@@ -123,14 +123,22 @@ pub fn digest() -> Result<u64> {
     with(|state| state.digest.unwrap_or(DIGEST))
 }
 
-/// Loads the shaders on disk as they are now. Passes made from now on use them. Says whether any has changed.
+/// Loads the shaders on disk as they are now, and makes something with them. Passes made from now on use them.
+/// Nothing is made if no shader has changed.
 ///
 /// # Errors
-/// Fails if a shader on disk cannot be compiled. All shaders then stay as they were.
-pub fn reload() -> Result<bool> {
+/// Fails if a shader on disk cannot be compiled, or if `make` fails. All shaders then stay as they were.
+pub fn reload<T>(make: impl FnOnce() -> Result<T>) -> Result<Option<T>> {
     let before = with(State::clone)?;
     let now = State::read(&before)?;
-    let other = now.digest != before.digest;
-    *STATE.lock().unwrap_or_else(PoisonError::into_inner) = Some(now);
-    Ok(other)
+    if now.digest == before.digest {
+        return Ok(None);
+    }
+    let set = |state| *STATE.lock().unwrap_or_else(PoisonError::into_inner) = Some(state);
+    set(now);
+    let made = make();
+    if made.is_err() {
+        set(before);
+    }
+    made.map(Some)
 }

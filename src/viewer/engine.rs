@@ -326,15 +326,16 @@ impl<'a> Worker<'a> {
     #[cfg(debug_assertions)]
     fn reload(&mut self, wanted: &Wanted) {
         self.orders.retain(|order| !matches!(order, Order::Reload));
-        let mut reload = || {
-            if !crate::shaders::reload()? {
-                return Ok("no shader has changed".to_owned());
-            }
-            self.display = Display::new(&self.gpu)?;
-            self.painters.iter_mut().try_for_each(|painter| painter.remake(wanted))?;
-            Ok("changed shaders are loaded".to_owned())
-        };
-        let result: Result<_> = reload();
+        let made = crate::shaders::reload(|| {
+            let renderers = self.painters.iter().map(|painter| painter.remade(wanted)).collect::<Result<Vec<_>>>()?;
+            Ok((Display::new(&self.gpu)?, renderers))
+        });
+        let result = made.map(|made| {
+            let Some((display, renderers)) = made else { return "no shader has changed".to_owned() };
+            self.display = display;
+            self.painters.iter_mut().zip(renderers).for_each(|(painter, renderer)| painter.replace(renderer));
+            "changed shaders are loaded".to_owned()
+        });
         let notice = result.map_or_else(|error| Notice::Failed(error.to_string()), Notice::Done);
         lock(&self.shared.notices).push(notice);
         (self.shared.wake)();

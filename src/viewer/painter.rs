@@ -91,6 +91,9 @@ struct InFlight {
     size: [u32; 2],
     /// Whether it is the first frame of a new renderer.
     built: bool,
+    /// Whether it was submitted in pieces, which are timed by the clock.
+    by_clock: bool,
+    hold_relight: bool,
 }
 
 /// A model of the time that a frame takes: a constant part, and a part for each pixel, milliseconds.
@@ -234,15 +237,15 @@ impl Painter {
         }
         self.view = Some(wanted.clone());
         let pieces = (built || self.cost.of(size) > SHORT).then(|| self.pieces.clone());
-        self.by_clock = pieces.is_some();
+        let by_clock = pieces.is_some();
         let wishes = Wishes { hold_relight, submission: FrameOptions { pieces, ..FrameOptions::default() } };
         let start = Instant::now();
         let begun = renderer.begin(scene, wanted.time, &wishes);
         let collected = begun.and_then(|begun| {
-            self.in_flight.push_back(InFlight { begun, start, size, built });
-            // While something moves, the newest picture counts. Afterwards the device always has a next
-            // frame.
-            self.collect(if pace == Pace::Quick { 0 } else { 1 })
+            self.in_flight.push_back(InFlight { begun, start, size, built, by_clock, hold_relight });
+            // While something moves, the newest picture counts. Afterwards the device always has a next frame,
+            // unless frames are submitted in pieces: those have run by now.
+            self.collect(if pace == Pace::Quick || by_clock { 0 } else { 1 })
         });
         if let Err(error) = collected {
             if let Some(renderer) = &mut self.renderer {
@@ -252,7 +255,6 @@ impl Painter {
             self.view = None;
             return Err(error);
         }
-        self.held_relight = hold_relight;
         self.frames += 1;
         self.reached = Some(pace);
         Ok(true)
@@ -262,8 +264,12 @@ impl Painter {
     fn collect(&mut self, most: usize) -> Result<()> {
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
         while self.in_flight.len() > most {
-            let Some(InFlight { begun, start, size, built }) = self.in_flight.pop_front() else { break };
+            let Some(InFlight { begun, start, size, built, by_clock, hold_relight }) = self.in_flight.pop_front()
+            else {
+                break;
+            };
             let timings = renderer.collect(begun)?;
+            (self.by_clock, self.held_relight) = (by_clock, hold_relight);
             // A frame that was begun before the last one ended had to wait for that.
             let start = self.ended.filter(|ended| *ended > start).unwrap_or(start);
             self.ended = Some(Instant::now());
@@ -291,18 +297,23 @@ impl Painter {
         Ok(())
     }
 
-    /// Makes the renderer anew with the shaders of now; where that fails the old one stays.
+    /// A renderer like the present one, with pipelines of the shaders as they are now.
     ///
     /// # Errors
-    /// Fails if a shader does not have the bindings that its pass has.
+    /// Fails if a shader does not fit, or if there is not enough memory.
     #[cfg(debug_assertions)]
-    pub fn remake(&mut self, wanted: &Wanted) -> Result<()> {
-        if let Some(old) = &self.renderer {
-            let (options, plan) = (old.options().clone(), old.plan().clone());
-            self.renderer = Some(Renderer::with_plan(&self.gpu, &wanted.scene, options, plan)?);
-            (self.view, self.reached, self.frames) = (None, None, 0);
-        }
-        Ok(())
+    pub fn remade(&self, wanted: &Wanted) -> Result<Option<Renderer>> {
+        let remake =
+            |old: &Renderer| Renderer::with_plan(&self.gpu, &wanted.scene, old.options().clone(), old.plan().clone());
+        self.renderer.as_ref().map(remake).transpose()
+    }
+
+    /// Paints with another renderer from now on, and accumulates anew.
+    #[cfg(debug_assertions)]
+    pub fn replace(&mut self, renderer: Option<Renderer>) {
+        self.in_flight.clear();
+        self.renderer = renderer;
+        (self.view, self.reached, self.frames) = (None, None, 0);
     }
 
     fn rebuild(&mut self, wanted: &Wanted, side: &Side, size: [u32; 2]) -> Result<()> {

@@ -1,4 +1,5 @@
-//! A pass is added by the steps that `src/lib.rs` lists, and by nothing else: its shader is `tests/glsl/edges.comp`.
+//! A pass of its own, `tests/glsl/edges.comp`, is made by steps 1, 2 and 3 of the list in `src/lib.rs`, and by nothing else: its
+//! bindings, accesses and constants come from the shader. The frame around it is recorded by hand.
 
 use crate::{common::*, shaders};
 use glam::{Quat, Vec3};

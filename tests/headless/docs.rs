@@ -11,6 +11,7 @@ use iprt::{
     passes::PASSES,
     plan::Part,
     settings::{Method, Settings},
+    shaders::current,
 };
 use std::{fmt::Write, fs, path::PathBuf};
 
@@ -23,6 +24,8 @@ fn the_table_of_settings_is_the_codes_own() {
     generated("docs/methods.md", "settings", "the table in src/settings.rs", &Settings::markdown());
 }
 
+// A release build has no key that loads shaders from disk.
+#[cfg(debug_assertions)]
 #[test]
 fn the_table_of_keys_is_the_windows_own() {
     let rows: String =
@@ -174,7 +177,7 @@ fn what_passes_read_and_write_is_what_their_shaders_say() {
     let mut table = "| pass | shader | reads | writes |\n|---|---|---|---|\n".to_owned();
     for (pass, (stem, spirv)) in PASSES.iter().flat_map(|pass| pass.shaders.iter().map(move |shader| (pass, shader))) {
         let (mut reads, mut writes) = (Vec::new(), Vec::new());
-        let mut all = bindings(spirv).expect("a good shader");
+        let mut all = bindings(current(spirv).expect("it compiles")).expect("a good shader");
         all.sort_by_key(|binding| binding.number);
         for Binding { name, access, kind, .. } in all {
             let text = match (name.as_str(), scene.contains(&format!(" {name};"))) {
@@ -203,7 +206,10 @@ fn what_passes_read_and_write_is_what_their_shaders_say() {
 fn what_images_hold_is_what_their_groups_say() {
     let written = |name: &str| {
         let writes = |spirv| {
-            bindings(spirv).expect("a good shader").iter().any(|b| b.access != Access::Read && plain(&b.name) == name)
+            bindings(current(spirv).expect("it compiles"))
+                .expect("a good shader")
+                .iter()
+                .any(|b| b.access != Access::Read && plain(&b.name) == name)
         };
         let passes = PASSES.iter().filter(|pass| pass.shaders.iter().any(|(_, spirv)| writes(spirv)));
         passes.map(|pass| pass.name).collect::<Vec<_>>().join(", ")

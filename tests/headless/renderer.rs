@@ -4,7 +4,7 @@ use crate::common::*;
 use glam::{Vec3, vec2, vec3};
 use iprt::{
     Error,
-    gpu::FrameOptions,
+    gpu::{FrameOptions, Gpu, GpuOptions},
     options::RenderOptions,
     panorama::{
         mapping::{bilinear, direction_f32},
@@ -202,6 +202,25 @@ fn every_barrier_is_needed() {
             assert!(timings.pass(pass.name).is_some(), "{} was among them", pass.name);
         }
     });
+}
+
+/// The tracker that chooses barriers also judges them, so another opinion is asked.
+#[test]
+fn canary_the_layer_sees_a_barrier_that_is_missing_from_a_frame() {
+    let device = std::env::var("IPRT_DEVICE").ok();
+    let gpu = Gpu::new(&GpuOptions { device, validation: true, ..Default::default() }).expect("a device and the layer");
+    let track = camera(Vec3::ZERO, Vec3::NEG_Z, 60.0);
+    let scene = scene(small_room(), track, vec![ball(0.3, lambert(0.5), vec3(0.1, -0.2, -1.4))]);
+    let mut renderer = Renderer::new(&gpu, &scene, options(Method::Iprt, &[])).expect("fits");
+    let barriers = renderer.render(&scene, 0.0).expect("renders").barriers;
+    assert!(gpu.validation_messages().is_empty());
+    let last = Some(barriers - 1); // composite reads what atrous wrote
+    let submission = FrameOptions { skip_barrier: last, ignore_hazards: true, ..Default::default() };
+    let begun = renderer.begin(&scene, 0.0, &Wishes { submission, ..Default::default() }).expect("is submitted");
+    renderer.collect(begun).expect("runs");
+    drop(renderer);
+    let messages = gpu.destroy().expect("nothing holds the device");
+    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD-READ-AFTER-WRITE")), "{messages:?}");
 }
 
 #[test]
