@@ -90,7 +90,7 @@
 //!    what it separates.
 //! 6. Add its settings to [`settings`] and a section to `docs/pipeline.md`. `make docs` writes the tables.
 //!
-//! `tests/headless/adding.rs` adds a pass by these steps.
+//! `tests/headless/adding.rs` makes a pass by steps 1 to 3.
 
 pub mod cli;
 pub mod error;
