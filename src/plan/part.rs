@@ -117,7 +117,7 @@ parts! {
         off_where: "every pixel is traced anyhow: no history, or never one as long as `short_history`; or `rays_per_pixel` 1",
         leaves_out: "`interpolate`",
     }
-    Interpolate: "Filling the others." {
+    Interpolate: "Filling the pixels that are not traced." {
         name: "interpolate", setting: "interpolate", off: "false", needs: Some(Part::SamplingMask), constant: None,
         off_where: "`sampling_mask` is off; or `short_history` > 0 and `temporal` comes first: what is not traced has a history that passes its tests, to which an interpolated value adds nothing",
         leaves_out: "the pass",

@@ -35,7 +35,7 @@ impl Chart {
             let Some((title, (size, codes))) = self.methods_strip(folder, scene)? else { return Ok(String::new()) };
             let file = format!("{name}-{}.png", file_name(&scene.name));
             write_png(&images.join(&file), size, &codes, 3)?;
-            Ok(format!("\n![{title}]({IMAGES}/{file})\n\n*{title}*\n"))
+            Ok(format!("\n![The methods in {}]({IMAGES}/{file})\n\n*{title}*\n", scene.name))
         })?;
         if self.points.iter().any(|point| !point.base.is_empty()) {
             let file = format!("{name}.png");
@@ -188,8 +188,33 @@ fn cells(score: Option<&Score>) -> String {
 /// Fails like [`find`], or if the document cannot be written.
 pub fn insert(document: &Path, name: &str, text: &str) -> Result<()> {
     let (old, [start, end]) = find(document, name)?;
-    let new = format!("{}\n\n{}\n\n{}", &old[..start], text.trim(), &old[end..]);
+    let new = format!("{}\n\n{}\n\n{}", &old[..start], wrapped(text.trim()), &old[end..]);
     if new == old { Ok(()) } else { write_bytes(document, new.as_bytes()) }
+}
+
+/// Breaks long lines of prose. Tables and images stay on one line each.
+fn wrapped(text: &str) -> String {
+    const COLUMNS: usize = 110;
+    let wrap = |line: &str| {
+        if line.starts_with('|') || line.starts_with("![") {
+            return line.to_owned();
+        }
+        let (mut out, mut column) = (String::new(), 0);
+        for word in line.split(' ') {
+            let length = word.chars().count();
+            if column > 0 && column + 1 + length > COLUMNS {
+                out += if line.starts_with("* ") { "\n  " } else { "\n" };
+                column = if line.starts_with("* ") { 2 } else { 0 };
+            } else if !out.is_empty() {
+                out.push(' ');
+                column += 1;
+            }
+            out += word;
+            column += length;
+        }
+        out
+    };
+    text.lines().map(wrap).collect::<Vec<_>>().join("\n")
 }
 
 /// Reads a document, and finds where the text between its marks starts and ends.
@@ -229,5 +254,16 @@ mod tests {
         assert_eq!(text, "a\n<!-- chart b: by c -->\n\nnew\n\n<!-- end of chart b -->\nd\n");
         let error = insert(&document, "x", "new").expect_err("no marks").to_string();
         assert!(error.contains("a.md") && error.contains("end of chart x"), "{error}");
+    }
+
+    #[test]
+    fn prose_is_wrapped_and_tables_are_not() {
+        let long = ["word"; 40].join(" ");
+        let (table, image) = (format!("| {long} |"), format!("![{long}](a.png)"));
+        let text = wrapped(&format!("{long}\n{table}\n{image}\n* {long}\nshort"));
+        assert!(text.contains(&table) && text.contains(&image) && text.ends_with("\nshort"), "{text}");
+        assert!(text.lines().filter(|line| !line.starts_with(['|', '!'])).all(|line| line.len() <= 110), "{text}");
+        assert!(text.contains("\n  word"), "lists are indented: {text}");
+        assert_eq!(text.matches("word").count(), 160, "nothing is lost");
     }
 }
