@@ -5,8 +5,9 @@ use std::{ffi::CString, time::Instant};
 use ash::vk;
 
 use super::{
+    bind::Bind,
+    command::{Action, Command, Destination, Groups},
     device::{Gpu, Shared, during},
-    frame::{Action, Bind, Command, Destination, Groups},
     memory::Image,
     reflect::Kind,
     slot::{HeldSlot, KINDS, Slot},

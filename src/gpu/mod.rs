@@ -8,6 +8,8 @@
 //! * `Screen` is a window that shows finished pictures with panels over them. It needs the feature `viewer`.
 
 pub mod adapter;
+mod bind;
+mod command;
 mod device;
 mod encode;
 mod frame;
@@ -29,8 +31,9 @@ mod timing;
 mod transfer;
 pub mod validation;
 
+pub use bind::Bind;
 pub use device::{Gpu, GpuOptions};
-pub use frame::{Bind, Frame, FrameOptions, Pieces, Threads};
+pub use frame::{Frame, FrameOptions, Pieces, Threads};
 pub use layout::{GpuStruct, PushLayout, StructLayout, struct_layout};
 pub use memory::{Buffer, Format, Image};
 #[cfg(feature = "viewer")]

@@ -3,9 +3,9 @@
 use ash::vk;
 
 use super::{
+    command::Command,
     device::{Gpu, Shared, during},
     encode,
-    frame::Command,
     slot::{HeldSlot, Slot},
     timing::{self, Timings},
 };
