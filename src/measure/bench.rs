@@ -113,9 +113,7 @@ pub fn run(
 ) -> Result<BenchReport> {
     let numbers = std::iter::repeat_n(first, warmup as usize).chain((0..frames).map(|n| first + n));
     let times = numbers.map(|frame| scene.panorama.frame_time(frame as usize));
-    let mut samples = Vec::new();
-    clock::frames(renderer, scene, times, wishes, |sample| {
-        samples.push(sample);
+    let mut samples = clock::frames(renderer, scene, times, wishes, || {
         progress();
         Ok(())
     })?;

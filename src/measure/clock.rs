@@ -26,7 +26,7 @@ pub struct Sample {
     pub wall_ms: f64,
 }
 
-/// Renders one frame for each time in `times`, in seconds, and hands each finished frame to `each`, in order.
+/// Renders one frame for each time in `times`, in seconds. `each` is called after every frame, in order.
 /// Two frames are in flight. All frames have finished when this returns. A caller who needs the picture of a
 /// certain frame therefore ends `times` with that frame.
 ///
@@ -37,16 +37,30 @@ pub fn frames(
     scene: &Scene,
     times: impl IntoIterator<Item = f64>,
     wishes: &Wishes,
-    mut each: impl FnMut(Sample) -> Result<()>,
-) -> Result<()> {
+    mut each: impl FnMut() -> Result<()>,
+) -> Result<Vec<Sample>> {
     let start = Instant::now();
-    let mut began_ms = 0.0;
+    let mut collected = Vec::new();
     renderer.render_all(scene, times, wishes, |timings| {
-        let ended_ms = start.elapsed().as_secs_f64() * 1e3;
-        let sample = Sample { timings, began_ms, wall_ms: ended_ms - began_ms };
-        began_ms = ended_ms;
-        each(sample)
-    })
+        collected.push((timings, start.elapsed().as_secs_f64() * 1e3));
+        each()
+    })?;
+    Ok(samples(collected))
+}
+
+/// Tells when frames ended, from when they were collected, which may be later: a frame had ended when the
+/// GPU began the next one.
+fn samples(mut collected: Vec<(Timings, f64)>) -> Vec<Sample> {
+    for n in (1..collected.len()).rev() {
+        let latest = collected[n].1 - collected[n].0.gpu_ms;
+        collected[n - 1].1 = collected[n - 1].1.min(latest);
+    }
+    let mut began_ms = 0.0;
+    let sample = |(timings, ended_ms)| {
+        let wall_ms = ended_ms - std::mem::replace(&mut began_ms, ended_ms);
+        Sample { timings, began_ms: ended_ms - wall_ms, wall_ms }
+    };
+    collected.into_iter().map(sample).collect()
 }
 
 /// Collects the times of one renderer's frames, without its first [`WARM_UP`] frames.
@@ -70,13 +84,10 @@ impl FrameClock {
         mut each: impl FnMut() -> Result<()>,
     ) -> Result<()> {
         let times = std::iter::repeat_n(time, count as usize);
-        frames(renderer, scene, times, &Wishes::default(), |sample| {
-            self.frames += 1;
-            if self.frames > WARM_UP {
-                self.timed.push(sample);
-            }
-            each()
-        })
+        let samples = frames(renderer, scene, times, &Wishes::default(), &mut each)?;
+        self.timed.extend(samples.into_iter().skip(WARM_UP.saturating_sub(self.frames) as usize));
+        self.frames += count;
+        Ok(())
     }
 
     /// The times of this renderer's frames as a round without scores.
@@ -185,6 +196,16 @@ pub fn quantile(values: &mut [f64], q: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn frames_end_before_the_next_begins() {
+        let timings = || Timings { gpu_ms: 2.0, ..Timings::default() };
+        // a driver that draws while it is given a frame: the last two are collected together
+        let samples = samples([5.0, 7.0, 7.5].map(|ended_ms| (timings(), ended_ms)).into());
+        let walls: Vec<f64> = samples.iter().map(|sample| sample.wall_ms).collect();
+        assert_eq!(walls, [3.5, 2.0, 2.0]);
+        assert_eq!(samples[2].began_ms, 5.5);
+    }
 
     #[test]
     fn quantiles_of_known_values() {

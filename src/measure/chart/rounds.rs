@@ -84,7 +84,7 @@ pub(super) fn first(gpu: &Gpu, task: &Task, key: &str, keep: Keep) -> Result<Cha
     if spec.cost == CostUnit::Frame && frames > 0 && moves(task.scene, task.time, frames) {
         renderer.reset_history("the scene starts to move");
         let times = (0..frames).rev().map(|left| moving_time(task.time, left));
-        clock::frames(&mut renderer, task.scene, times, &Wishes::default(), |_| task.go_on(keep))?;
+        clock::frames(&mut renderer, task.scene, times, &Wishes::default(), || task.go_on(keep))?;
         outcomes.push(outcome(task, &renderer, frames, true)?);
     }
     let options = renderer.options();
