@@ -66,7 +66,7 @@ impl Gpu {
     /// Writes `data` to a buffer from `offset` bytes on, and waits until it is there.
     ///
     /// # Errors
-    /// Fails as [`Frame::write_buffer`] does.
+    /// Fails as [`Frame::write_buffer`](super::Frame::write_buffer) does.
     pub fn write_buffer<T: Pod>(&self, buffer: &Buffer, offset: u64, data: &[T]) -> Result<()> {
         let mut frame = self.frame()?;
         frame.write_buffer(buffer, offset, data)?;
@@ -76,7 +76,7 @@ impl Gpu {
     /// Writes one layer of one level as tightly packed rows in its format, and waits until it is there.
     ///
     /// # Errors
-    /// Fails as [`Frame::write_image`] does.
+    /// Fails as [`Frame::write_image`](super::Frame::write_image) does.
     pub fn write_image<T: Pod>(&self, image: &Image, layer: u32, level: u32, data: &[T]) -> Result<()> {
         let mut frame = self.frame()?;
         frame.write_image(image, layer, level, data)?;
