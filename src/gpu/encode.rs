@@ -125,6 +125,7 @@ pub(super) fn run_pieces(gpu: &Gpu, pieces: Vec<Vec<Command>>, stopped: &dyn Fn(
         let start_ms = elapsed();
         let piece = Ticket::submit(gpu, HeldSlot::take(gpu)?, commands)?.wait()?;
         timings.gpu_ms = elapsed();
+        timings.ended = piece.ended;
         let ms = timings.gpu_ms - start_ms;
         timings.entries.extend(piece.entries.into_iter().map(|entry| Entry { path: entry.path, start_ms, ms }));
     }

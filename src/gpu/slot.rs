@@ -167,6 +167,12 @@ impl Slot {
         shared.submit(self.commands, self.fence)
     }
 
+    /// Whether the device has done what was submitted.
+    pub(super) fn is_done(&self, shared: &Shared) -> bool {
+        // SAFETY: the fence belongs to this device.
+        unsafe { shared.device.get_fence_status(self.fence) }.unwrap_or(false)
+    }
+
     /// Waits until the device has done what was submitted.
     pub(super) fn wait(&self, shared: &Shared) -> std::result::Result<(), vk::Result> {
         // SAFETY: the fence belongs to this device and to a submission.

@@ -1,5 +1,7 @@
 //! Frames that were submitted and may not have run yet.
 
+use std::time::Instant;
+
 use ash::vk;
 
 use super::{
@@ -22,6 +24,7 @@ enum State {
         gpu: Gpu,
         slot: HeldSlot,
         commands: Vec<Command>,
+        ended: Option<Instant>,
     },
     Done(Timings),
 }
@@ -39,7 +42,11 @@ impl Ticket {
         }
         encode::record(&gpu.0, &mut slot, &commands)?;
         match slot.submit(&gpu.0) {
-            Ok(()) => Ok(Self(State::Running { gpu: gpu.clone(), slot, commands })),
+            Ok(()) => {
+                // Some drivers draw a frame while they are given it.
+                let ended = slot.is_done(&gpu.0).then(Instant::now);
+                Ok(Self(State::Running { gpu: gpu.clone(), slot, commands, ended }))
+            }
             Err(result) => {
                 abandon(slot, commands);
                 Err(during("submitting a frame")(result))
@@ -59,15 +66,16 @@ impl Ticket {
     fn finish(&mut self) -> Result<Timings> {
         match std::mem::replace(&mut self.0, State::Done(Timings::default())) {
             State::Done(timings) => Ok(timings),
-            State::Running { gpu, slot, commands } => {
+            State::Running { gpu, slot, commands, ended } => {
                 let barriers = commands.iter().filter(|command| command.path().is_none()).count();
                 let finished = slot.wait(&gpu.0);
+                let ended = Some(ended.unwrap_or_else(Instant::now));
                 let stamps = read_stamps(&gpu.0, &slot, 2 * (commands.len() - barriers));
                 match (finished, stamps) {
                     (Ok(()), Ok(stamps)) if stamps.iter().all(|stamp| stamp[1] != 0) => {
                         let stamps: Vec<_> = stamps.iter().map(|stamp| stamp[0]).collect();
                         let paths = commands.iter().filter_map(Command::path);
-                        Ok(Timings { barriers, ..gpu.0.clock.timings(paths, &stamps) })
+                        Ok(Timings { barriers, ended, ..gpu.0.clock.timings(paths, &stamps) })
                     }
                     (Ok(()), stamps) => {
                         let result = stamps.err().unwrap_or(vk::Result::NOT_READY);

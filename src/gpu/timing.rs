@@ -1,5 +1,7 @@
 //! GPU time from timestamp queries.
 
+use std::time::Instant;
+
 /// How long one dispatch or transfer took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Entry {
@@ -27,6 +29,9 @@ pub struct Timings {
     pub gpu_ms: f64,
     /// How many barriers were issued, not counting the one at the beginning.
     pub barriers: usize,
+    /// When the frame was known to have ended: after its submission, if the driver had drawn it by then, or
+    /// else when it was waited for.
+    pub ended: Option<Instant>,
 }
 
 /// A scope, a dispatch or a transfer, with what was recorded within it.
@@ -113,7 +118,7 @@ impl Clock {
         Timings {
             entries: entries.collect(),
             gpu_ms: stamps.last().map_or(0.0, |&last| since_first(last)),
-            barriers: 0,
+            ..Timings::default()
         }
     }
 }

@@ -40,27 +40,14 @@ pub fn frames(
     mut each: impl FnMut() -> Result<()>,
 ) -> Result<Vec<Sample>> {
     let start = Instant::now();
-    let mut collected = Vec::new();
+    let (mut began_ms, mut samples) = (0.0, Vec::new());
     renderer.render_all(scene, times, wishes, |timings| {
-        collected.push((timings, start.elapsed().as_secs_f64() * 1e3));
+        let ended_ms = timings.ended.unwrap_or_else(Instant::now).duration_since(start).as_secs_f64() * 1e3;
+        samples.push(Sample { timings, began_ms, wall_ms: ended_ms - began_ms });
+        began_ms = ended_ms;
         each()
     })?;
-    Ok(samples(collected))
-}
-
-/// Tells when frames ended, from when they were collected, which may be later: a frame had ended when the
-/// GPU began the next one.
-fn samples(mut collected: Vec<(Timings, f64)>) -> Vec<Sample> {
-    for n in (1..collected.len()).rev() {
-        let latest = collected[n].1 - collected[n].0.gpu_ms;
-        collected[n - 1].1 = collected[n - 1].1.min(latest);
-    }
-    let mut began_ms = 0.0;
-    let sample = |(timings, ended_ms)| {
-        let wall_ms = ended_ms - std::mem::replace(&mut began_ms, ended_ms);
-        Sample { timings, began_ms: ended_ms - wall_ms, wall_ms }
-    };
-    collected.into_iter().map(sample).collect()
+    Ok(samples)
 }
 
 /// Collects the times of one renderer's frames, without its first [`WARM_UP`] frames.
@@ -196,16 +183,6 @@ pub fn quantile(values: &mut [f64], q: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn frames_end_before_the_next_begins() {
-        let timings = || Timings { gpu_ms: 2.0, ..Timings::default() };
-        // a driver that draws while it is given a frame: the last two are collected together
-        let samples = samples([5.0, 7.0, 7.5].map(|ended_ms| (timings(), ended_ms)).into());
-        let walls: Vec<f64> = samples.iter().map(|sample| sample.wall_ms).collect();
-        assert_eq!(walls, [3.5, 2.0, 2.0]);
-        assert_eq!(samples[2].began_ms, 5.5);
-    }
 
     #[test]
     fn quantiles_of_known_values() {
