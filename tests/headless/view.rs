@@ -194,6 +194,8 @@ fn a_session_looks_picks_drags_compares_and_steps() {
         drag left 80,75 120,75
         settle 3
         note dragged
+        key R                  # fast machines accumulated while it was dragged
+        settle 3
         screenshot after.png
         save moved.toml
         key ctrl+Z
