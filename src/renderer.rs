@@ -4,8 +4,6 @@ mod aov;
 pub mod cost;
 mod interactive;
 
-pub use interactive::Source;
-
 #[cfg(feature = "faults")]
 use crate::passes::fault::Fault;
 use crate::{
@@ -20,18 +18,18 @@ use crate::{
         fault::planted,
         gbuffer::{Gbuffer, Look},
         interpolate::Interpolate,
-        irradiance::{Irradiance, Relight},
+        irradiance::Irradiance,
         light_table::LightTable,
         normals::Normals,
         panorama::{Needs, Panorama},
         radiance_pyramid::RadiancePyramid,
         sampling_mask::SamplingMask,
         scene::{SceneBuffers, relative_to},
-        temporal::{self, Temporal},
+        temporal::{Since, Temporal},
         unknown::Unknown,
-        view::{Role, View, ViewData},
+        view::{Role, Shown, View, ViewData},
     },
-    plan::{Part, Plan},
+    plan::{Facts, Part, Plan},
     scene::{
         Scene,
         packed::{PackedInstances, PackedScene},
@@ -55,6 +53,8 @@ pub struct Renderer {
     /// The first looks the panorama up from its centre. The second traces it from elsewhere.
     gbuffer: [Option<Gbuffer>; 2],
     lighting: Option<Lighting>,
+    /// The same passes for the relit panorama's maps.
+    relighting: Option<(Gbuffer, Lighting)>,
     composite: Composite,
     panorama: Panorama,
     scene: SceneBuffers,
@@ -108,8 +108,6 @@ struct Preparation {
 /// Passes 2 to 5, present if there is anything to light.
 struct Lighting {
     sampling_mask: SamplingMask,
-    /// The passes of the relit maps.
-    relight: Option<(Gbuffer, SamplingMask)>,
     irradiance: Irradiance,
     interpolate: Option<Interpolate>,
     temporal: Option<Temporal>,
@@ -124,9 +122,25 @@ struct FrameState {
     /// The instances, relative to the panorama's centre.
     instances: PackedInstances,
     moving: bool,
+    /// Whether the light of the real scene is another than in the frame before.
+    new_light: bool,
     /// Whether the relit panorama is made again.
     relight: bool,
     viewpoint: Viewpoint,
+}
+
+impl FrameState {
+    /// What the first pass on a view depends on.
+    fn shown_in(&self, view: &View) -> Shown {
+        match view.role {
+            Role::Picture => Shown {
+                video_frame: self.video_frame,
+                viewpoint: Some(self.viewpoint),
+                objects: self.instances.instances.iter().map(|instance| instance.object_to_world).collect(),
+            },
+            Role::Relight => Shown { video_frame: self.video_frame, viewpoint: None, objects: Vec::new() },
+        }
+    }
 }
 
 impl Preparation {
@@ -141,18 +155,13 @@ impl Preparation {
 }
 
 impl Lighting {
-    fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        let relight = || {
-            let look = Look { role: Role::Relight, off_centre: false };
-            Ok((Gbuffer::new(gpu, plan, look)?, SamplingMask::new(gpu, plan, Role::Relight)?))
-        };
+    fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
         Ok(Self {
-            sampling_mask: SamplingMask::new(gpu, plan, Role::Picture)?,
-            relight: plan.on(Part::Relight).then(relight).transpose()?,
-            irradiance: Irradiance::new(gpu, plan)?,
-            interpolate: plan.on(Part::Interpolate).then(|| Interpolate::new(gpu, plan)).transpose()?,
-            temporal: plan.on(Part::Temporal).then(|| Temporal::new(gpu, plan)).transpose()?,
-            atrous: plan.on(Part::Atrous).then(|| Atrous::new(gpu, plan)).transpose()?,
+            sampling_mask: SamplingMask::new(gpu, plan, role)?,
+            irradiance: Irradiance::new(gpu, plan, role)?,
+            interpolate: plan.on(Part::Interpolate).then(|| Interpolate::new(gpu, plan, role)).transpose()?,
+            temporal: plan.on(Part::Temporal).then(|| Temporal::new(gpu, plan, role)).transpose()?,
+            atrous: plan.on(Part::Atrous).then(|| Atrous::new(gpu, plan, role)).transpose()?,
         })
     }
 }
@@ -185,29 +194,34 @@ impl Renderer {
         let relight = (0..levels)
             .map(|level| View::new(gpu, &format!("relight {level}"), relight_size, &plan, Role::Relight))
             .collect::<Result<_>>()?;
-        let look = |off_centre| Gbuffer::new(gpu, &plan, Look { role: Role::Picture, off_centre });
+        let look = |role, off_centre| Gbuffer::new(gpu, &plan, Look { role, off_centre });
+        let lighting = |role| Lighting::new(gpu, &plan, role);
         let none = PackedScene::default();
         let packed = if plan.on(Part::Objects) { &scene.packed } else { &none };
         let (color_size, depth_size) = (plan.facts.color_size, plan.facts.depth_size);
         // drivers take most of a second for the largest pipelines, each on one core
-        let (lighting, gbuffer) = rayon::join(
-            || plan.on(Part::Objects).then(|| Lighting::new(gpu, &plan)).transpose(),
+        let (lighting, others) = rayon::join(
+            || plan.on(Part::Objects).then(|| lighting(Role::Picture)).transpose(),
             || -> Result<_> {
-                let looked_up = plan.looks_up().then(|| look(false)).transpose()?;
-                Ok([looked_up, plan.on(Part::OffCentre).then(|| look(true)).transpose()?])
+                let looked_up = plan.looks_up().then(|| look(Role::Picture, false)).transpose()?;
+                let traced = plan.on(Part::OffCentre).then(|| look(Role::Picture, true)).transpose()?;
+                let relighting = || Ok((look(Role::Relight, false)?, lighting(Role::Relight)?));
+                Ok(([looked_up, traced], plan.on(Part::Relight).then(relighting).transpose()?))
             },
         );
+        let (gbuffer, relighting) = others?;
         Ok(Self {
             gpu: gpu.clone(),
             preparation: Some(Preparation::new(gpu, &plan)?),
-            gbuffer: gbuffer?,
+            gbuffer,
             lighting: lighting?,
+            relighting,
             composite: Composite::new(gpu, &plan)?,
             panorama: Panorama::new(gpu, color_size, depth_size, scene.panorama.yaw_degrees, Needs::of(&plan))?,
             scene: SceneBuffers::new(gpu, packed, plan.facts.instances)?,
             picture: View::new(gpu, "picture", options.size, &plan, Role::Picture)?,
             relight,
-            nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32f)?,
+            nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32u)?,
             video_frame: None,
             previous_time: None,
             previous_objects: HashMap::new(),
@@ -289,9 +303,9 @@ impl Renderer {
         self.look(&mut frame, &self.picture, &state)?;
         let lighting = self.lighting.as_ref();
         let light = |lighting| self.light(&mut frame, lighting, &self.picture, self.relight.last(), &state);
-        let irradiance = lighting.map(light).transpose()?;
-        frame.barrier("composite reads radiance and filtered irradiance");
-        self.composite.record(&mut frame, &self.picture, irradiance)?;
+        let light = lighting.map(light).transpose()?;
+        frame.barrier("composite reads radiance and filtered light");
+        self.composite.record(&mut frame, &self.picture, light)?;
 
         let begun = Begun { ticket: frame.submit()?, new_video_frame: state.content.is_some() };
         self.end_frame(&state, time);
@@ -331,7 +345,7 @@ impl Renderer {
 
     /// Relights real surfaces for rays to see. Runs the pipeline's own passes on a coarse panoramic view.
     fn relight_panorama(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
-        let Some(lighting) = &self.lighting else { return Ok(()) };
+        let Some((_, lighting)) = &self.relighting else { return Ok(()) };
         frame.scope("relight", |frame| {
             let mut below = None;
             for view in &self.relight {
@@ -344,10 +358,13 @@ impl Renderer {
         })
     }
 
-    /// Records pass 1 on one view.
+    /// Records pass 1 on one view, unless the view holds already what it would show.
     fn look(&self, frame: &mut Frame, view: &View, state: &FrameState) -> Result<()> {
+        if view.keeps(&state.shown_in(view)) {
+            return Ok(());
+        }
         let gbuffer = match view.role {
-            Role::Relight => self.lighting.as_ref().and_then(|l| l.relight.as_ref()).map(|(gbuffer, _)| gbuffer),
+            Role::Relight => self.relighting.as_ref().map(|(gbuffer, _)| gbuffer),
             Role::Picture => {
                 let [looked_up, traced] = &self.gbuffer;
                 let [first, second] = if state.viewpoint.centred() { [looked_up, traced] } else { [traced, looked_up] };
@@ -358,7 +375,7 @@ impl Renderer {
         gbuffer.record(frame, view, &self.panorama.resources, &self.scene)
     }
 
-    /// Records passes 2 to 5 on a view whose rays see `relit`. Returns E_R | E and ΔE | specular.
+    /// Records passes 2 to 5 on a view whose rays see `relit`. Returns the image of the filtered light.
     fn light<'a>(
         &'a self,
         frame: &mut Frame,
@@ -366,7 +383,7 @@ impl Renderer {
         view: &'a View,
         relit: Option<&'a View>,
         state: &FrameState,
-    ) -> Result<[&'a Image; 2]> {
+    ) -> Result<&'a Image> {
         let settings = &self.plan.settings;
         let history = settings.temporal && view.history_reset.is_none();
         let clamp = if planted!(self, HistoryKept) {
@@ -376,21 +393,13 @@ impl Renderer {
         } else {
             0.0
         };
-        let relight = match relit {
-            Some(map) => {
-                let [real, change] = filtered(map, settings)?;
-                Relight { real, change }
-            }
-            None => Relight { real: &self.nothing, change: &self.nothing },
-        };
-        let mask = match (view.role, &lighting.relight) {
-            (Role::Relight, Some((_, mask))) => mask,
-            _ => &lighting.sampling_mask,
-        };
+        let still = view.still_frames(&state.shown_in(view));
+        let relit = relit.map_or(Ok(&self.nothing), |map| map.image(filtered(settings)))?;
+        let since = Since { history, still: still > 0, clamp, video: state.new_light };
         let temporal = |frame: &mut Frame, why, input| match &lighting.temporal {
             Some(temporal) => {
                 frame.barrier(why);
-                temporal.record(frame, view, input, history, clamp)
+                temporal.record(frame, view, view.image(input)?, since)
             }
             None => Ok(()),
         };
@@ -403,25 +412,25 @@ impl Renderer {
         };
 
         frame.barrier("sampling_mask reads what gbuffer saw");
-        mask.record(frame, view, settings, history)?;
+        lighting.sampling_mask.record(frame, view, settings, still, history)?;
         frame.barrier("irradiance reads the compacted pixels");
-        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, &relight)?;
+        let last = if self.plan.roulette() { view.image(filtered(settings))? } else { &self.nothing };
+        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, relit, last, since)?;
         if let Some(interpolate) = &lighting.interpolate {
             frame.barrier("interpolate reads traced neighbours");
-            interpolate.record(frame, view, settings)?;
+            interpolate.record(frame, view)?;
         }
         match settings.filter_order {
             FilterOrder::TemporalFirst => {
-                temporal(frame, "temporal reads this frame's irradiance", temporal::Input::Irradiance)?;
+                temporal(frame, "temporal reads this frame's irradiance", "irradiance")?;
                 atrous(frame, "atrous reads accumulated irradiance")?;
             }
             FilterOrder::SpatialFirst => {
                 atrous(frame, "atrous reads this frame's irradiance")?;
-                let input = temporal::Input::Filtered(Atrous::result(view, settings)?);
-                temporal(frame, "temporal reads filtered irradiance", input)?;
+                temporal(frame, "temporal reads filtered irradiance", Atrous::result(settings))?;
             }
         }
-        filtered(view, settings)
+        view.image(filtered(settings))
     }
 
     /// Lets the relit panorama converge before a converging picture is accumulated over it.
@@ -443,8 +452,8 @@ impl Renderer {
                 before.wait()?;
             }
             for view in &mut self.relight {
-                end_view(view, relight_viewpoint(self.panorama.yaw_degrees));
-                view.resources.swap_history();
+                view.end_frame(relight_viewpoint(self.panorama.yaw_degrees), state.shown_in(view));
+                view.begin_frame(&state.shown_in(view));
             }
         }
         Ok(())
@@ -465,19 +474,20 @@ impl Renderer {
             }
         }
         let objects_move = state.instances.instances.iter().any(|i| i.object_to_world != i.previous_object_to_world);
-        let changes = objects_move || (new_video_frame && self.video_frame.is_some());
-        let moving = changes && self.plan.on(Part::Motion);
+        let new_light = new_video_frame && self.video_frame.is_some();
+        let moving = (objects_move || new_light) && self.plan.on(Part::Motion);
         let viewpoint = viewpoint(&self.options, scene, &state.camera);
         let instances = relative_to(scene.panorama.position, state.instances);
         let relight = !wishes.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
+        let state = FrameState { video_frame, content, instances, moving, new_light, relight, viewpoint };
         let maps = if relight { &mut self.relight[..] } else { &mut [] };
         for view in std::iter::once(&mut self.picture).chain(maps) {
-            view.resources.swap_history();
+            view.begin_frame(&state.shown_in(view));
             if let Some(reason) = view.history_reset {
                 tracing::debug!("history is reset: {reason}");
             }
         }
-        Ok(FrameState { video_frame, content, instances, moving, relight, viewpoint })
+        Ok(state)
     }
 
     fn video_frame(&self, scene: &Scene, number: usize) -> Result<PanoramaFrame> {
@@ -493,9 +503,9 @@ impl Renderer {
     }
 
     fn end_frame(&mut self, state: &FrameState, time: f64) {
-        end_view(&mut self.picture, state.viewpoint);
+        self.picture.end_frame(state.viewpoint, state.shown_in(&self.picture));
         for view in self.relight.iter_mut().filter(|_| state.relight) {
-            end_view(view, relight_viewpoint(self.panorama.yaw_degrees));
+            view.end_frame(relight_viewpoint(self.panorama.yaw_degrees), state.shown_in(view));
         }
         // set only now, so that a failed frame leaves the panorama unprepared
         self.video_frame = Some(state.video_frame);
@@ -535,13 +545,27 @@ impl Renderer {
                 true => settings.history_moving,
                 false => settings.history,
             },
+            history_limit_real: match state.new_light && self.plan.on(Part::Motion) {
+                _ if planted!(self, HistoryKept) => FOREVER,
+                true => settings.history_moving,
+                false => settings.history,
+            },
             relit: u32::from(relit),
             relight_size: self.relight.first().map_or([1, 1], |map| map.size),
+            light_units: self.light_units().into(),
             ..ViewData::default()
         };
         self.panorama.describe(&mut data);
         data.look(&viewpoint, &view.previous.unwrap_or(viewpoint));
         data
+    }
+
+    /// The factors on light in images, where halves hold it: on E_R, and on
+    /// what objects change or send. Objects may shine so brightly that halves would not hold that.
+    fn light_units(&self) -> [f32; 2] {
+        const MOST: f32 = 1e6; // times the unit and π it is still a half
+        let Facts { luminance, brightest, .. } = self.plan.facts;
+        [unit(luminance), unit(luminance.max(brightest / MOST))]
     }
 
     fn seed(&self) -> u32 {
@@ -588,23 +612,18 @@ impl Renderer {
     }
 }
 
-/// The names of the images that [`filtered`] returns.
-fn filtered_names(settings: &Settings) -> [&'static str; 2] {
+/// The name of the image that holds a and b after both filters.
+fn filtered(settings: &Settings) -> &'static str {
     match settings.filter_order {
-        FilterOrder::SpatialFirst if settings.temporal => ["a", "b"],
-        _ => Atrous::result_names(settings),
+        FilterOrder::SpatialFirst if settings.temporal => "accumulated",
+        _ => Atrous::result(settings),
     }
 }
 
-/// Returns E_R | E and ΔE | specular radiance after both filters.
-fn filtered<'a>(view: &'a View, settings: &Settings) -> Result<[&'a Image; 2]> {
-    let [a, b] = filtered_names(settings);
-    Ok([view.image(a)?, view.image(b)?])
-}
-
-fn end_view(view: &mut View, viewpoint: Viewpoint) {
-    view.previous = Some(viewpoint);
-    view.history_reset = None;
+/// The power of two that makes a number one between 1/64 and 1/32: halves are exact to a thousandth down to a
+/// 250th of it, and reach four million times as far up, where single paths may be. Of 0 it is 1.
+fn unit(number: f32) -> f32 {
+    if number > 0.0 { (number.log2().floor().clamp(-60.0, 60.0) + 6.0).exp2().recip() } else { 1.0 }
 }
 
 fn viewpoint(options: &RenderOptions, scene: &Scene, camera: &crate::scene::camera::Camera) -> Viewpoint {

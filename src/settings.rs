@@ -263,6 +263,7 @@ settings! {
     }
     irradiance {
         real_tracer: RealTracer = [RealTracer::Surface, RealTracer::Surface, RealTracer::Direction, RealTracer::Surface], ANY, "", "how rays meet the real scene";
+        least_share: f32 = [0.125, 1.0, 1.0, 1.0], [0.01, 1.0], "of the rays", "rays from real surfaces that meet no object are traced by at least this share, and all of them where objects changed the light by 4 % or more; what is not traced is made up for by weights";
         march_steps: u32 = [32, 32, 32, 32], [2.0, 4096.0], "", "`real_tracer = march`: places at equal angles along a ray";
         virtual_tracer: VirtualTracer = [VirtualTracer::Bvh, VirtualTracer::Screen, VirtualTracer::Bvh, VirtualTracer::Bvh], ANY, "", "how the picture's rays meet virtual objects; the relit map's rays use the BVH";
         screen_thickness: f32 = [0.1, 0.1, 0.1, 0.1], [0.0, f64::INFINITY], "metres", "`virtual_tracer = screen`: how thick objects are taken to be behind what is seen";
@@ -283,8 +284,9 @@ settings! {
     }
     atrous {
         filter_order: FilterOrder = [FilterOrder::TemporalFirst, FilterOrder::SpatialFirst, FilterOrder::TemporalFirst, FilterOrder::TemporalFirst], ANY, "", "which filter comes first";
-        atrous_levels: u32 = [5, 5, 5, 0], [0.0, 5.0], "", "levels of the edge-avoiding filter; the fifth spans 65×65 pixels, all five together reach 62 pixels";
-        sigma_luminance: f32 = [2.0, INFINITE, 2.0, 2.0], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e; inf: luminance does not count";
+        atrous_levels: u32 = [3, 5, 3, 0], [0.0, 5.0], "", "levels of the edge-avoiding filter; each doubles the distance between taps";
+        atrous_radius: u32 = [2, 2, 2, 2], [1.0, 2.0], "taps", "radius of a level's kernel: 3×3 or 5×5 taps";
+        sigma_luminance: f32 = [4.0, INFINITE, 4.0, 4.0], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e; inf: luminance does not count";
     }
     composite {
         relighting: Relighting = [Relighting::EmissionKept, Relighting::Ratio, Relighting::EmissionKept, Relighting::EmissionKept], ANY, "", "how a real surface answers a change of its light, in the picture and in the relit map";
@@ -338,7 +340,9 @@ impl Settings {
             clamp_when: reference.clamp_when,
             filter_order: reference.filter_order,
             atrous_levels: reference.atrous_levels,
+            atrous_radius: reference.atrous_radius,
             sigma_luminance: reference.sigma_luminance,
+            least_share: reference.least_share,
             ..self.clone()
         };
     }

@@ -1,6 +1,5 @@
 // What all passes share: the view, random numbers, maths. Positions are in metres relative to the panorama's
 // centre, along the world's axes.
-// panorama's centre, along the world's axes.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
 
@@ -9,6 +8,8 @@ const float FAR = 1e30;
 
 const uint PERSPECTIVE = 0u;
 const uint EQUIRECT = 1u;
+const uint EITHER = 2u;
+layout(constant_id = 14) const uint PROJECTION = EITHER; // of the view, if a pipeline serves one alone
 
 // The two surfaces that a pixel may hold, and the layer of each in array images.
 const int REAL = 0;
@@ -96,20 +97,28 @@ vec3 sample_cosine(vec3 n, vec2 u) {
 vec3 to_half(vec3 v) { return floor(v * 2048.0 + 0.5) * (1.0 / 2048.0); }
 
 // Finds a texel of a periodic map: columns wrap, and rows beyond a pole continue on the opposite meridian.
+// Columns may be off by the width, no more.
 ivec2 wrap_texel(ivec2 p, ivec2 size) {
-    if (p.y < 0) { p.y = -1 - p.y; p.x += size.x / 2; }
-    if (p.y >= size.y) { p.y = 2 * size.y - 1 - p.y; p.x += size.x / 2; }
-    p.y = clamp(p.y, 0, size.y - 1);
+    int half_turn = size.x / 2;
+    if (p.y < 0 || p.y >= size.y) {
+        p.y = p.y < 0 ? -1 - p.y : 2 * size.y - 1 - p.y;
+        p.x += p.x < half_turn ? half_turn : half_turn - size.x;
+    }
     if (FAULT == FAULT_NO_WRAP) p.x = clamp(p.x, 0, size.x - 1);
-    p.x = p.x % size.x;
-    if (p.x < 0) p.x += size.x;
-    return p;
+    p.x += p.x < 0 ? size.x : 0;
+    p.x -= p.x >= size.x ? size.x : 0;
+    return clamp(p, ivec2(0), size - 1);
 }
+
+// Finds an item of a table, which is an array as an image.
+ivec2 table_texel(uint item) { return ivec2(item & 4095u, item >> 12u); }
+
+uint projection() { return PROJECTION == EITHER ? in_view.view.projection : PROJECTION; }
 
 // Finds a neighbouring pixel of this view, if there is one. An equirect view wraps, a perspective one ends.
 bool neighbour(inout ivec2 p) {
     ivec2 size = ivec2(in_view.view.size);
-    if (in_view.view.projection == EQUIRECT) { p = wrap_texel(p, size); return true; }
+    if (projection() == EQUIRECT) { p = wrap_texel(p, size); return true; }
     return all(greaterThanEqual(p, ivec2(0))) && all(lessThan(p, size));
 }
 
@@ -119,7 +128,7 @@ bool neighbour(inout ivec2 p) {
 vec3 view_direction(vec2 pixel) {
     View v = in_view.view;
     vec2 s = pixel / vec2(v.size);
-    if (v.projection == EQUIRECT) {
+    if (projection() == EQUIRECT) {
         vec2 phi = circle(s.x - 0.5), theta = circle(0.5 * s.y);
         return normalize(v.right * (theta.y * phi.y) + v.up * theta.x + v.forward * (theta.y * phi.x));
     }
@@ -134,7 +143,7 @@ vec3 project_previous(vec3 point) {
     vec3 d = point - v.previous_position;
     vec3 local = vec3(dot(d, v.previous_right), dot(d, v.previous_up), dot(d, v.previous_forward));
     float distance = length(d);
-    if (v.projection == EQUIRECT) {
+    if (projection() == EQUIRECT) {
         float phi = arctangent(local.x, local.z), theta = arctangent(length(local.xz), local.y);
         return vec3(vec2(phi / (2.0 * PI) + 0.5, theta / PI) * vec2(v.size), distance);
     }
@@ -145,6 +154,6 @@ vec3 project_previous(vec3 point) {
 
 // Returns the angle in radians that one pixel spans.
 float pixel_angle() {
-    return in_view.view.projection == EQUIRECT ? PI / float(in_view.view.size.y)
+    return projection() == EQUIRECT ? PI / float(in_view.view.size.y)
                                                : 2.0 * in_view.view.tan_half.y / float(in_view.view.size.y);
 }

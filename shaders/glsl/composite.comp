@@ -3,11 +3,13 @@
 // Pass 6, composite: differential rendering with fractional M (IPRT eq. 2, with ΔE = E_RV − E_R): L =
 // M·(L_cam + ΔE·k) + (1 − M)·(L_e + k_V·E/π + L_GGX), where k = min(L_cam/E_R, 1/π), or L_cam/E_R as in the
 // paper.
-// In: camera_radiance (L_cam), real_coverage (M), albedo_virtual (k_V), emission (L_e), mask, a (E_R | E), b
-// (ΔE | L_GGX). Out: radiance, alpha 1.
+// In: camera_radiance (L_cam), real_coverage (M), albedo_virtual (k_V), emission (L_e), guide, light (E_R and
+// ΔE | E and L_GGX). Out: radiance, alpha 1.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
+#include "guide.glsl"
+#include "light_code.glsl"
 #include "relit.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -18,16 +20,20 @@ void main() {
         imageStore(out_radiance, p, vec4(0.0));
         return;
     }
-    vec3 real = imageLoad(in_camera_radiance, p).rgb;
-    if (LIT != 0u && imageLoad(in_mask, ivec3(p, REAL)).x != 0.0)
-        real = relight(real, imageLoad(in_a, ivec3(p, REAL)).rgb, imageLoad(in_b, ivec3(p, REAL)).rgb);
-    vec3 radiance = real;
+    vec3 radiance = imageLoad(in_camera_radiance, p).rgb;
+    if (LIT != 0u && in_view.view.instance_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, REAL))) != NO_SURFACE) {
+        Light light = light_unpack(imageLoad(in_light, ivec3(p, REAL)));
+        light_decode(REAL, light);
+        radiance = relight(radiance, light.a, light.b);
+    }
     float coverage = VIRTUAL_SURFACES != 0u ? imageLoad(in_real_coverage, p).x : 1.0;
     if (coverage < 1.0) {
+        Light light = light_unpack(imageLoad(in_light, ivec3(p, VIRTUAL)));
+        light_decode(VIRTUAL, light);
         vec3 virtual_radiance = EMISSION != 0u ? imageLoad(in_emission, p).rgb : vec3(0.0);
-        virtual_radiance += imageLoad(in_albedo_virtual, p).rgb * imageLoad(in_a, ivec3(p, VIRTUAL)).rgb * (1.0 / PI);
-        if (SPECULAR != 0u) virtual_radiance += imageLoad(in_b, ivec3(p, VIRTUAL)).rgb;
-        radiance = coverage * real + (1.0 - coverage) * virtual_radiance;
+        virtual_radiance += imageLoad(in_albedo_virtual, p).rgb * light.a * (1.0 / PI);
+        if (SPECULAR != 0u) virtual_radiance += light.b;
+        radiance = coverage * radiance + (1.0 - coverage) * virtual_radiance;
     }
     imageStore(out_radiance, p, vec4(radiance, 1.0));
 }

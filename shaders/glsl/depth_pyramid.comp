@@ -97,7 +97,7 @@ Box leaf_box(ivec2 leaf) {
 
 // Returns the box around a node's children.
 Box node_box(uint node) {
-    uvec4 a = imageLoad(pyramid, pyramid_texel(node * 3u)), b = imageLoad(pyramid, pyramid_texel(node * 3u + 1u)), c = imageLoad(pyramid, pyramid_texel(node * 3u + 2u));
+    uvec4 a = imageLoad(pyramid, table_texel(node * 3u)), b = imageLoad(pyramid, table_texel(node * 3u + 1u)), c = imageLoad(pyramid, table_texel(node * 3u + 2u));
     vec3 origin = uintBitsToFloat(a.xyz), scale = uintBitsToFloat((uvec3(a.w, a.w >> 8u, a.w >> 16u) & 0xffu) << 23u);
     Box box = Box(vec3(FAR), vec3(-FAR));
     for (uint k = 0u; k < 4u; k++) {
@@ -137,7 +137,7 @@ void main() {
         }
     } else whole.lo = vec3(0.0);
     uint node = root + pyramid_node(push.level, p.x, p.y);
-    imageStore(pyramid, pyramid_texel(node * 3u), uvec4(floatBitsToUint(whole.lo), exponent.x | exponent.y << 8u | exponent.z << 16u));
-    imageStore(pyramid, pyramid_texel(node * 3u + 1u), uvec4(least, greatest.x));
-    imageStore(pyramid, pyramid_texel(node * 3u + 2u), uvec4(greatest.yz, held, 0u));
+    imageStore(pyramid, table_texel(node * 3u), uvec4(floatBitsToUint(whole.lo), exponent.x | exponent.y << 8u | exponent.z << 16u));
+    imageStore(pyramid, table_texel(node * 3u + 1u), uvec4(least, greatest.x));
+    imageStore(pyramid, table_texel(node * 3u + 2u), uvec4(greatest.yz, held, 0u));
 }

@@ -1,7 +1,7 @@
 #version 460
 // display: an image of the renderer as a window shows it. It is not part of the frame. `look` says what the
 // numbers mean, and the legends in passes/display.rs describe it.
-// In: image and other (texels of any meaning, one layer of each), codes (`hit`). Out: picture, sRGB codes.
+// In: image and other (texels of any meaning, one layer of each), codes (`hit`, or packed light). Out: picture, sRGB codes.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -17,7 +17,8 @@ layout(push_constant, scalar) uniform Push {
     uvec2 size;
     uint look;
     uint layer;
-    uint plus;     // 1: add other
+    uint values;      // what codes are: 0 nothing or `hit`, 1 a of packed light, 2 b, 3 a + b
+    vec2 light_scales; // on a and b of packed light
     int channel;   // the channel to show, or -1 for all
     float exposure;
     float raised;  // inverse_tonemap; at most 1 if nothing was raised
@@ -66,8 +67,13 @@ void main() {
     // An input that a scene does not use is bound to an image of one texel and one layer.
     ivec3 at = min(ivec3(p, int(push.layer)), textureSize(in_image, 0) - 1);
     vec4 value = push.look == CODE ? vec4(0.0) : texelFetch(in_image, at, 0);
+    uvec4 code = texelFetch(in_codes, min(ivec3(p, int(push.layer)), textureSize(in_codes, 0) - 1), 0);
+    if (push.values != 0u) {
+        vec2 middle = unpackHalf2x16(code.y);
+        vec3 a = push.light_scales.x * vec3(unpackHalf2x16(code.x), middle.x), b = push.light_scales.y * vec3(middle.y, unpackHalf2x16(code.z));
+        value.rgb = push.values == 1u ? a : push.values == 2u ? b : a + b;
+    }
     vec4 other = texelFetch(in_other, min(at, textureSize(in_other, 0) - 1), 0);
-    if (push.plus != 0u) value += other;
     if (push.channel >= 0) value = vec4(value[push.channel]);
     vec3 color = vec3(0.0);
     switch (push.look) {
@@ -78,12 +84,8 @@ void main() {
     case ID: color = value.x < 0.5 ? vec3(0.2) : hue(uint(value.x)); break;
     case SHARE: color = vec3(clamp(value.x, 0.0, 1.0)); break;
     case MASK: color = value.x > 1.5 ? vec3(0.4) : vec3(value.x); break;
-    case HISTORY: color = ramp(value.z / 64.0); break;
-    case CODE: {
-        uvec4 hit = texelFetch(in_codes, min(ivec3(p, 0), textureSize(in_codes, 0) - 1), 0);
-        color = hit.x == 0xffffffffu ? vec3(0.2) : hue(hit.x * 7919u + hit.y);
-        break;
-    }
+    case HISTORY: color = ramp(value.x / 64.0); break;
+    case CODE: color = code.x == 0xffffffffu ? vec3(0.2) : hue(code.x * 7919u + code.y); break;
     case DIFFERENCE: {
         vec3 apart = abs(srgb(push.exposure * lowered(value.rgb)) - srgb(push.exposure * lowered(other.rgb)));
         color = ramp(4.0 * dot(apart, vec3(1.0 / 3.0)));

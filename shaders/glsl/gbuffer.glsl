@@ -54,35 +54,36 @@ RealPoint real_surface(vec3 d) {
 vec4 motion_of(vec2 pixel, vec3 previous_point, float id) {
     vec3 previous = project_previous(previous_point);
     vec2 motion = previous.xy - pixel;
-    if (in_view.view.projection == EQUIRECT) motion.x -= round(motion.x / float(in_view.view.size.x)) * float(in_view.view.size.x);
+    if (projection() == EQUIRECT) motion.x -= round(motion.x / float(in_view.view.size.x)) * float(in_view.view.size.x);
     if (FAULT == FAULT_MOTION_OFF) motion.x += 1.0;
     return vec4(motion, previous.z, id);
 }
 
-void write_virtual(ivec2 p, SceneHit hit, vec3 d) {
-    Surface s = scene_surface(hit, d, hit.t * pixel_angle());
+// The surface that a ray from the camera along d met.
+void write_virtual(ivec2 p, SceneHit met, vec3 d) {
+    Surface s = scene_surface(met, d, met.t * pixel_angle());
     Lobes lobes = brdf_lobes(s, -d);
     vec3 previous = s.position;
     if (OBJECT_MOTION != 0u) {
-        TriangleGeometry tri = in_triangles.triangle[hit.triangle];
-        vec3 point = tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y;
-        previous = transform_point(in_instances.instance[hit.instance].previous_object_to_world, point);
+        TriangleGeometry tri = triangle_geometry(met.triangle);
+        vec3 point = tri.v0 + tri.e1 * met.barycentric.x + tri.e2 * met.barycentric.y;
+        previous = transform_point(in_instances.instance[met.instance].previous_object_to_world, point);
     }
-    imageStore(out_position, ivec3(p, VIRTUAL), vec4(s.position, hit.t));
+    imageStore(out_position, ivec3(p, VIRTUAL), vec4(s.position, met.t));
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(to_half(s.normal), s.roughness));
     // Relative to where the ray meets the image, so that a surface seen beside the pixel's centre is followed.
-    vec4 motion = motion_of(vec2(p) + 0.5, previous, float(in_instances.instance[hit.instance].id));
+    vec4 motion = motion_of(vec2(p) + 0.5, previous, float(in_instances.instance[met.instance].id));
     imageStore(out_motion, ivec3(p, VIRTUAL), motion);
     imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, s.metallic));
     if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
-    imageStore(out_hit, p, uvec4(hit.instance, hit.triangle, floatBitsToUint(hit.barycentric)));
+    imageStore(guide, ivec3(p, VIRTUAL), guide_pack(s.position, s.normal, s.roughness, guide_object(in_instances.instance[met.instance].id)));
 }
 
 void write_no_virtual(ivec2 p) {
     imageStore(out_position, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_motion, ivec3(p, VIRTUAL), vec4(0.0));
+    imageStore(out_mask, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_albedo_virtual, p, vec4(0.0));
     if (EMISSION != 0u) imageStore(out_emission, p, vec4(0.0));
-    imageStore(out_hit, p, uvec4(NONE));
 }

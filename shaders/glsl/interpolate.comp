@@ -1,45 +1,44 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Pass 4, interpolate: pixels that were not traced take the mean of traced neighbours on the same surface
-// (joint bilateral: plane distance, normal, object id, roughness). In: tiles, mask, position, normal,
-// motion.w (id). In/out: irradiance_a, irradiance_b, only untraced pixels written.
+// (joint bilateral: plane distance, normal, object, roughness). In: tiles, mask, guide. In/out: irradiance,
+// only untraced pixels written.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
-#include "list.glsl"
-#include "edge_stop.glsl"
+#include "tiles.glsl"
+#include "guide.glsl"
+#include "light_code.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
-
-layout(push_constant, scalar) uniform Push { int radius; } push;
+layout(constant_id = 1) const int LAYER = 0;
+layout(constant_id = 10) const int RADIUS = 2;
 
 void main() {
-    if (list_group() >= in_arguments.word[LIST_TILES + 3u]) return;
-    uint tile = in_tiles.item[list_group()];
-    ivec2 p = ivec2(tile & 0x7fffu, (tile >> 15u) & 0x7fffu) * 8 + ivec2(gl_LocalInvocationID.xy);
-    int layer = int(tile >> 30u);
-    if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
-    if (imageLoad(in_mask, ivec3(p, layer)).x != 2.0) return;
-    vec4 position = imageLoad(in_position, ivec3(p, layer)), normal = imageLoad(in_normal, ivec3(p, layer));
-    float id = imageLoad(in_motion, ivec3(p, layer)).w;
-    float pixel = position.w * pixel_angle();
-    vec4 a = vec4(0.0), b = vec4(0.0);
+    ivec2 p;
+    if (!tile_pixel(LAYER, p)) return;
+    if (imageLoad(in_mask, ivec3(p, LAYER)).x != 2.0) return;
+    uvec4 guide = imageLoad(in_guide, ivec3(p, LAYER));
+    vec3 position = guide_position(guide), normal = guide_normal(guide);
+    float distance = length(position - in_view.view.position);
+    Light sum = Light(vec3(0.0), vec3(0.0), vec2(0.0));
     float total = 0.0;
-    for (int y = -push.radius; y <= push.radius; y++) {
-        for (int x = -push.radius; x <= push.radius; x++) {
+    for (int y = -RADIUS; y <= RADIUS; y++) {
+        for (int x = -RADIUS; x <= RADIUS; x++) {
             ivec2 q = p + ivec2(x, y);
-            if (!neighbour(q) || imageLoad(in_mask, ivec3(q, layer)).x != 1.0) continue;
-            vec4 n = imageLoad(in_normal, ivec3(q, layer));
+            if (!neighbour(q) || imageLoad(in_mask, ivec3(q, LAYER)).x != 1.0) continue;
+            uvec4 other = imageLoad(in_guide, ivec3(q, LAYER));
             float distance2 = float(x * x + y * y);
-            float w = geometry_weight(position, normal, id, imageLoad(in_position, ivec3(q, layer)), n, imageLoad(in_motion, ivec3(q, layer)).w, pixel * sqrt(distance2));
-            w *= exp(-distance2 / float(push.radius * push.radius)) * exp(-8.0 * abs(n.w - normal.w));
-            a += w * imageLoad(irradiance_a, ivec3(q, layer));
-            if (has_b(layer)) b += w * imageLoad(irradiance_b, ivec3(q, layer));
+            float apart = guide_off_plane(position, normal, other) / guide_tolerance(distance, sqrt(distance2));
+            apart += distance2 / float(RADIUS * RADIUS) + 8.0 * abs(guide_roughness(other) - guide_roughness(guide));
+            float w = guide_facing(guide, normal, other) * exp(-apart);
+            Light light = light_unpack(imageLoad(irradiance, ivec3(q, LAYER)));
+            sum.a += w * light.a;
+            sum.b += w * light.b;
             total += w;
         }
     }
-    // Without a traced neighbour on this surface nothing is known (w < 0). temporal fills that from its
-    // history, and atrous from its neighbours.
-    bool known = total > 1e-6;
-    imageStore(irradiance_a, ivec3(p, layer), known ? vec4(a.rgb / total, 0.0) : vec4(vec3(0.0), -1.0));
-    if (has_b(layer)) imageStore(irradiance_b, ivec3(p, layer), known ? b / total : vec4(0.0));
+    // Without a traced neighbour on this surface nothing is known. temporal fills that from its history, and
+    // atrous from its neighbours.
+    Light mean = Light(sum.a / total, sum.b / total, vec2(0.0));
+    imageStore(irradiance, ivec3(p, LAYER), total > 1e-6 ? light_pack(mean) : LIGHT_UNKNOWN);
 }

@@ -28,7 +28,7 @@ void main() {
         int offset = max(1, (2 * push.radius) / 3);
         for (int y = -1; y <= 1; y++) {
             for (int x = -1; x <= 1; x++) {
-                ivec2 t = wrap_texel(p + ivec2(x, y) * offset, size);
+                ivec2 t = wrap_texel(p + ivec2(x * offset % size.x, y * offset), size);
                 vec4 plane = imageLoad(in_plane, t);
                 if (plane.w < 0.0) continue;
                 float e = dot(plane.xyz, direction) - q;

@@ -111,7 +111,7 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, 
         vec2 v = fract(u + float(k) * vec2(0.7548776662, 0.5698402910));
         float root = sqrt(v.x);
         point.barycentric = vec2(1.0 - root, v.y * root);
-        TriangleGeometry tri = in_triangles.triangle[point.triangle];
+        TriangleGeometry tri = triangle_geometry(point.triangle);
         vec4 rows[3] = in_instances.instance[point.instance].object_to_world;
         vec3 to = transform_point(rows, tri.v0 + tri.e1 * point.barycentric.x + tri.e2 * point.barycentric.y) - origin;
         vec3 normal = cross(transform_direction(rows, tri.e1), transform_direction(rows, tri.e2));

@@ -33,7 +33,7 @@ void main() {
         vec3 right = vec3(0.0);
         for (int y = -push.radius; y <= push.radius; y += push.stride) {
             for (int x = -push.radius; x <= push.radius; x += push.stride) {
-                ivec2 t = wrap_texel(p + ivec2(x, y), size);
+                ivec2 t = wrap_texel(p + ivec2(x % size.x, y), size);
                 float d = vertex_depth(t.x, t.y);
                 if (d <= 0.0) continue;
                 float qi = 1.0 / d;

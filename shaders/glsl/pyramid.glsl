@@ -3,10 +3,6 @@
 // vertex rows 2y and 2y + 1 of in_depth. A node is three texels: its origin (m) and the exponents of its
 // grid's steps; then bounds of the four children in steps, a byte each: least x, y, z, greatest x | greatest
 // y, z, then a bit for each child that holds anything. Far sides have nodes of their own behind the others.
-const uint PYRAMID_ROW = 4096u; // texels, a width that images of every device can have
-
-ivec2 pyramid_texel(uint n) { return ivec2(n % PYRAMID_ROW, n / PYRAMID_ROW); }
-
 // Returns the number of a node. The formula leaves each level at least the room that it needs, without a
 // table (`PyramidShape` in passes/panorama.rs).
 uint pyramid_node(uint level, uint x, uint y) {

@@ -18,13 +18,14 @@ vec3 relit(vec2 uv, vec3 radiance) {
     vec2 p = uv * vec2(size) - 0.5;
     ivec2 i = ivec2(floor(p));
     vec2 f = p - vec2(i);
-    vec3 irradiance = vec3(0.0), change = vec3(0.0);
-    for (int k = 0; k < 4; k++) {
+    Light light = Light(vec3(0.0), vec3(0.0), vec2(0.0));
+    [[unroll]] for (int k = 0; k < 4; k++) {
         ivec2 o = ivec2(k & 1, k >> 1);
         float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
-        ivec3 q = ivec3(wrap_texel(i + o, size), REAL);
-        irradiance += w * imageLoad(in_relight_real, q).rgb;
-        change += w * imageLoad(in_relight_change, q).rgb;
+        Light there = light_unpack(imageLoad(in_relit_light, ivec3(wrap_texel(i + o, size), REAL)));
+        light.a += w * there.a;
+        light.b += w * there.b;
     }
-    return relight(radiance, irradiance, change);
+    light_decode(REAL, light);
+    return relight(radiance, light.a, light.b);
 }

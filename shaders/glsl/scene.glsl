@@ -33,77 +33,86 @@ vec3 safe_inverse(vec3 d) {
     return vec3(abs(d.x) > 1e-20 ? 1.0 / d.x : 1e20, abs(d.y) > 1e-20 ? 1.0 / d.y : 1e20, abs(d.z) > 1e-20 ? 1.0 / d.z : 1e20);
 }
 
-float box_entry(vec3 lo, vec3 hi, vec3 inverse, vec3 shift, float t_max) {
-    vec3 a = lo * inverse + shift, b = hi * inverse + shift;
-    vec3 near = min(a, b), far = max(a, b);
-    float enter = max(max(near.x, near.y), max(near.z, 0.0)), leave = min(min(far.x, far.y), min(far.z, t_max));
-    return enter <= leave * 1.0000004 ? enter : FAR;
+struct TriangleGeometry { vec3 v0; vec3 e1; vec3 e2; };
+
+TriangleGeometry triangle_geometry(uint triangle) {
+    return TriangleGeometry(uintBitsToFloat(imageLoad(in_triangles, table_texel(triangle * 3u)).xyz),
+        uintBitsToFloat(imageLoad(in_triangles, table_texel(triangle * 3u + 1u)).xyz),
+        uintBitsToFloat(imageLoad(in_triangles, table_texel(triangle * 3u + 2u)).xyz));
 }
 
-void scene_triangles(uint first, uint count, uint instance, vec3 origin, vec3 d, inout SceneHit hit) {
-    for (uint k = first; k < first + count; k++) {
-        TriangleGeometry tri = in_triangles.triangle[k];
+bool box_met(uvec4 least, uvec4 greatest, vec3 inverse, vec3 shift, float t_max) {
+    vec3 a = uintBitsToFloat(least.xyz) * inverse + shift, b = uintBitsToFloat(greatest.xyz) * inverse + shift;
+    vec3 near = min(a, b), far = max(a, b);
+    float enter = max(max(near.x, near.y), max(near.z, 0.0)), leave = min(min(far.x, far.y), min(far.z, t_max));
+    return enter <= leave * 1.0000004;
+}
+
+void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, inout SceneHit hit) {
+    uint first = leaf >> 3u, end = first + (leaf & 7u);
+    for (uint k = first; k < end; k++) {
+        TriangleGeometry tri = triangle_geometry(k);
         vec3 p = cross(d, tri.e2);
         float det = dot(tri.e1, p);
-        if (det == 0.0) continue;
         float inverse = 1.0 / det;
         vec3 s = origin - tri.v0;
         float u = dot(s, p) * inverse;
         vec3 q = cross(s, tri.e1);
         float v = dot(d, q) * inverse;
         float t = dot(tri.e2, q) * inverse;
-        if (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.t) hit = SceneHit(t, instance, k, vec2(u, v));
+        if (det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.t) hit = SceneHit(t, instance, k, vec2(u, v));
     }
 }
 
+// Walks on from a node of a table, depth first, to the next leaf whose box the ray meets before t_max. Sets
+// `node` to where the walk goes on. Returns 0 at the end.
+#define WALK(nodes, node, inverse, shift, t_max, leaf)                                                        \
+    leaf = 0u;                                                                                                \
+    while (node != NONE && leaf == 0u) {                                                                      \
+        uvec4 least = imageLoad(nodes, table_texel(node * 2u)), greatest = imageLoad(nodes, table_texel(node * 2u + 1u)); \
+        bool met = box_met(least, greatest, inverse, shift, t_max);                                           \
+        if (met) leaf = least.w;                                                                              \
+        node = met && leaf == 0u ? node + 1u : greatest.w;                                                    \
+    }
+
 // Traces one instance. The ray in object space keeps its parameter t.
 void scene_instance(uint index, vec3 world_origin, vec3 world_d, inout SceneHit hit) {
-    vec3 origin = transform_point(in_instances.instance[index].world_to_object, world_origin);
-    vec3 d = transform_direction(in_instances.instance[index].world_to_object, world_d);
+    vec4 rows[3];
+    [[unroll]] for (uint row = 0u; row < 3u; row++) rows[row] = uintBitsToFloat(imageLoad(in_places, table_texel(index * 4u + row)));
+    vec3 origin = transform_point(rows, world_origin), d = transform_direction(rows, world_d);
     vec3 inverse = safe_inverse(d), shift = -origin * inverse;
-    uint stack[48];
-    int top = 0;
-    uint node = in_instances.instance[index].root;
+    uint node = imageLoad(in_places, table_texel(index * 4u + 3u)).x, leaf;
+    // One loop visits boxes, the other triangles. A group of rays that walks together is in one of them at a
+    // time (Aila and Laine 2009).
     while (true) {
-        BvhNode n = in_nodes.node[node];
-        float t0 = box_entry(n.min0, n.max0, inverse, shift, hit.t), t1 = box_entry(n.min1, n.max1, inverse, shift, hit.t);
-        if (n.child1 == NONE) t1 = FAR; // without a second child, its inverted box would pass the slab test
-        if (t0 < FAR && n.count0 > 0u) { scene_triangles(n.child0, n.count0, index, origin, d, hit); t0 = FAR; }
-        if (t1 < FAR && n.count1 > 0u) { scene_triangles(n.child1, n.count1, index, origin, d, hit); t1 = FAR; }
-        bool go0 = t0 < FAR, go1 = t1 < FAR;
-        if (go0 && go1) {
-            bool first0 = t0 <= t1;
-            node = first0 ? n.child0 : n.child1;
-            stack[top++] = first0 ? n.child1 : n.child0;
-        } else if (go0) node = n.child0;
-        else if (go1) node = n.child1;
-        else { if (top == 0) return; node = stack[--top]; }
+        WALK(in_nodes, node, inverse, shift, hit.t, leaf)
+        if (leaf == 0u) break;
+        scene_triangles(leaf, index, origin, d, hit);
     }
+}
+
+// Says whether a ray meets any virtual surface before t_max.
+bool scene_meets(vec3 origin, vec3 d, float t_max) {
+    SceneHit hit = SceneHit(t_max, NONE, NONE, vec2(0.0));
+    vec3 inverse = safe_inverse(d), shift = -origin * inverse;
+    uint node = in_view.view.instance_count > 0u ? 0u : NONE, leaf;
+    while (hit.instance == NONE) {
+        WALK(in_top_nodes, node, inverse, shift, t_max, leaf)
+        if (leaf == 0u) break;
+        scene_instance(leaf >> 3u, origin, d, hit);
+    }
+    return hit.instance != NONE;
 }
 
 // Finds the closest virtual surface along a ray before t_max.
 SceneHit scene_trace(vec3 origin, vec3 d, float t_max) {
     SceneHit hit = SceneHit(t_max, NONE, NONE, vec2(0.0));
-    if (in_view.view.instance_count > 0u) {
-        vec3 inverse = safe_inverse(d), shift = -origin * inverse;
-        uint stack[32];
-        int top = 0;
-        uint node = 0u;
-        while (true) {
-            BvhNode n = in_top_nodes.node[node];
-            float t0 = box_entry(n.min0, n.max0, inverse, shift, hit.t), t1 = box_entry(n.min1, n.max1, inverse, shift, hit.t);
-            if (n.child1 == NONE) t1 = FAR; // as in scene_instance
-            if (t0 < FAR && n.count0 > 0u) { scene_instance(n.child0, origin, d, hit); t0 = FAR; }
-            if (t1 < FAR && n.count1 > 0u) { scene_instance(n.child1, origin, d, hit); t1 = FAR; }
-            bool go0 = t0 < FAR, go1 = t1 < FAR;
-            if (go0 && go1) {
-                bool first0 = t0 <= t1;
-                node = first0 ? n.child0 : n.child1;
-                stack[top++] = first0 ? n.child1 : n.child0;
-            } else if (go0) node = n.child0;
-            else if (go1) node = n.child1;
-            else { if (top == 0) break; node = stack[--top]; }
-        }
+    vec3 inverse = safe_inverse(d), shift = -origin * inverse;
+    uint node = in_view.view.instance_count > 0u ? 0u : NONE, leaf;
+    while (true) {
+        WALK(in_top_nodes, node, inverse, shift, hit.t, leaf)
+        if (leaf == 0u) break;
+        scene_instance(leaf >> 3u, origin, d, hit);
     }
     if (hit.instance == NONE) hit.t = FAR;
     return hit;
@@ -150,11 +159,17 @@ vec4 texture_sample(uint index, vec2 uv, float footprint) {
     return mix(a, b, f.y);
 }
 
+// Returns where a hit is.
+vec3 scene_point(SceneHit hit) {
+    TriangleGeometry tri = triangle_geometry(hit.triangle);
+    return transform_point(in_instances.instance[hit.instance].object_to_world, tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y);
+}
+
 // Returns the surface at a hit. `d` is the ray's direction, and `width` the width of its footprint there in
 // metres.
 Surface scene_surface(SceneHit hit, vec3 d, float width) {
     Instance instance = in_instances.instance[hit.instance];
-    TriangleGeometry tri = in_triangles.triangle[hit.triangle];
+    TriangleGeometry tri = triangle_geometry(hit.triangle);
     TriangleShading shading = in_shading.triangle[hit.triangle];
     Vertex v0 = in_vertices.vertex[shading.v0], v1 = in_vertices.vertex[shading.v1], v2 = in_vertices.vertex[shading.v2];
     Material m = in_materials.material[shading.material];

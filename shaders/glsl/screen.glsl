@@ -105,10 +105,7 @@ SceneHit screen_trace(vec3 origin, vec3 d, float t_max, float jitter) {
 // A surface met on the screen sends what the picture shows of it, whichever side the ray came from, because
 // it is seen along the camera's ray.
 vec3 screen_direction(SceneHit hit, vec3 d) {
-    Instance instance = in_instances.instance[hit.instance];
-    TriangleGeometry tri = in_triangles.triangle[hit.triangle];
-    vec3 point = transform_point(instance.object_to_world, tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y);
-    vec3 ray = point - in_view.view.position;
+    vec3 ray = scene_point(hit) - in_view.view.position;
     float length2 = dot(ray, ray);
     return length2 > 0.0 ? ray * inversesqrt(length2) : d;
 }

@@ -2,76 +2,100 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 5, temporal: accumulation along motion vectors, with disocclusion tests. The history is clamped to the
 // mean and spread of this frame's neighbourhood.
-// In: tiles, mask, irradiance_a/b of this frame (or what atrous made of them, if it comes first), position,
-// normal, motion now and a frame ago, history_*. Out: accumulated a, b (w: variance of the mean), moments (x,
-// y: second moments of the luminances of a and b; z: history length, frames; w: hit distance, metres).
+// In: tiles, mask, irradiance of this frame (or what atrous made of it, if it comes first), guide now and a
+// frame ago, motion, history_*. Out: accumulated a, b (w: second moment of the luminance),
+// frames, light (a and b, with the deviations of the mean).
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
-#include "list.glsl"
+#include "tiles.glsl"
+#include "guide.glsl"
+#include "light_code.glsl"
 #include "history.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 1) const int LAYER = 0;
 layout(constant_id = 2) const uint CLAMP = 1;
+layout(constant_id = 27) const uint LATTICE = 0;  // 1: the mask traces every second pixel of every second row
+layout(constant_id = 12) const uint FILTERED = 0; // 1: atrous came first, and every pixel counts as traced
 
-layout(push_constant, scalar) uniform Push { uint history_valid; uint filtered; float clamp_spread; } push;
+layout(push_constant, scalar) uniform Push {
+    uint history_valid;
+    float clamp_spread;
+    uint clamp_real; // 1: E_R is clamped, too
+} push;
+
+struct History { vec4 a; vec4 b; float frames; };
+
+void add(inout History sum, ivec2 q, float w) {
+    ivec3 at = ivec3(q, LAYER);
+    sum.a += w * imageLoad(history_a, at);
+    if (has_b(LAYER)) sum.b += w * imageLoad(history_b, at);
+    sum.frames += w * imageLoad(history_frames, at).x;
+}
+
+// Returns the mean history of this surface, of length 0 if there is none.
+History reproject(ivec2 p, uvec4 guide) {
+    History old = History(vec4(0.0), vec4(0.0), 0.0);
+    if (push.history_valid == 0u) return old;
+    if (STILL != 0u) { // the images of the last frame are this frame's
+        ivec3 at = ivec3(p, LAYER);
+        return History(imageLoad(a, at), has_b(LAYER) ? imageLoad(b, at) : vec4(0.0), imageLoad(frames, at).x);
+    }
+    vec4 motion = imageLoad(in_motion, ivec3(p, LAYER));
+    if (motion.z <= 0.0) return old;
+    vec2 at = vec2(p) + motion.xy;
+    if (dot(motion.xy, motion.xy) < 1e-6) at = vec2(p); // a still pixel is not resampled
+    ivec2 i = ivec2(floor(at));
+    vec2 f = at - vec2(i);
+    float total = 0.0;
+    [[unroll]] for (int k = 0; k < 4; k++) {
+        ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
+        float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
+        if (w <= 0.0 || history_weight(q, LAYER, motion, guide) == 0.0 || imageLoad(history_frames, ivec3(q, LAYER)).x <= 0.0) continue;
+        add(old, q, w);
+        total += w;
+    }
+    if (total <= 0.01) return History(vec4(0.0), vec4(0.0), 0.0);
+    return History(old.a / total, old.b / total, old.frames / total);
+}
 
 void main() {
-    if (list_group() >= in_arguments.word[LIST_TILES + 3u]) return;
-    uint tile = in_tiles.item[list_group()];
-    ivec2 p = ivec2(tile & 0x7fffu, (tile >> 15u) & 0x7fffu) * 8 + ivec2(gl_LocalInvocationID.xy);
-    int layer = int(tile >> 30u);
-    if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
-    float mask = imageLoad(in_mask, ivec3(p, layer)).x;
+    ivec2 p;
+    if (!tile_pixel(LAYER, p)) return;
+    ivec3 at = ivec3(p, LAYER);
+    float mask = imageLoad(in_mask, at).x;
     if (mask == 0.0) {
-        imageStore(out_moments, ivec3(p, layer), vec4(0.0));
+        imageStore(frames, at, vec4(0.0));
         return;
     }
-    vec4 motion = imageLoad(in_motion, ivec3(p, layer));
-    vec3 normal = imageLoad(in_normal, ivec3(p, layer)).xyz;
-    vec4 a = imageLoad(in_irradiance_a, ivec3(p, layer)), b = has_b(layer) ? imageLoad(in_irradiance_b, ivec3(p, layer)) : vec4(0.0);
-    bool fresh = push.filtered != 0u ? a.w >= 0.0 : mask == 1.0; // a filtered pixel counts like a traced one
-    bool known = fresh || a.w >= 0.0;
-    if (!known) { a = vec4(0.0); b = vec4(0.0); }
-    vec2 luma = vec2(luminance(a.rgb), luminance(b.rgb));
-    vec4 moments = vec4(luma * luma, fresh ? 1.0 : known ? 0.5 : 0.0, b.w);
+    uvec4 guide = imageLoad(in_guide, at);
+    Light light = light_unpack(imageLoad(in_irradiance, at));
+    bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask == 1.0;
+    bool known = fresh || light.deviation.x >= 0.0;
+    if (!known) light = Light(vec3(0.0), vec3(0.0), vec2(0.0));
+    vec2 luma = vec2(luminance(light.a), luminance(light.b)), moments = luma * luma;
+    float age = fresh ? 1.0 : known ? 0.5 : 0.0;
 
-    vec3 old_a = vec3(0.0), old_b = vec3(0.0);
-    vec4 old_moments = vec4(0.0);
-    float total = 0.0;
-    if (push.history_valid != 0u && motion.z > 0.0) {
-        vec2 at = vec2(p) + motion.xy;
-        if (dot(motion.xy, motion.xy) < 1e-6) at = vec2(p); // a still pixel is not resampled
-        ivec2 i = ivec2(floor(at));
-        vec2 f = at - vec2(i);
-        for (int k = 0; k < 4; k++) {
-            ivec2 o = ivec2(k & 1, k >> 1);
-            float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
-            ivec2 q = i + o;
-            if (w <= 0.0 || !neighbour(q)) continue;
-            vec4 m = imageLoad(history_moments, ivec3(q, layer));
-            w *= m.z > 0.0 ? history_weight(q, layer, motion, normal) : 0.0;
-            if (w <= 0.0) continue;
-            old_a += w * imageLoad(history_a, ivec3(q, layer)).rgb;
-            if (has_b(layer)) old_b += w * imageLoad(history_b, ivec3(q, layer)).rgb;
-            old_moments += w * m;
-            total += w;
-        }
-    }
-    if (total > 0.01) {
-        known = true;
-        old_a /= total; old_b /= total; old_moments /= total;
+    vec2 limit = vec2(LAYER == REAL ? in_view.view.history_limit_real : in_view.view.history_limit, in_view.view.history_limit);
+    History old = reproject(p, guide);
+    if (old.frames > 0.0) {
         if (CLAMP != 0u) {
             vec3 mean_a = vec3(0.0), mean_b = vec3(0.0), square_a = vec3(0.0), square_b = vec3(0.0);
             float count = 0.0;
-            for (int y = -2; y <= 2; y++) {
-                for (int x = -2; x <= 2; x++) {
-                    ivec2 q = p + ivec2(x, y);
-                    if (!neighbour(q) || imageLoad(in_motion, ivec3(q, layer)).w != motion.w) continue;
-                    float taken = imageLoad(in_mask, ivec3(q, layer)).x;
-                    if (push.filtered != 0u ? taken == 0.0 : taken != 1.0) continue;
-                    vec3 ca = imageLoad(in_irradiance_a, ivec3(q, layer)).rgb, cb = has_b(layer) ? imageLoad(in_irradiance_b, ivec3(q, layer)).rgb : vec3(0.0);
-                    mean_a += ca; square_a += ca * ca;
-                    mean_b += cb; square_b += cb * cb;
+            // Where the mask traces a lattice, no other neighbours need to be looked at.
+            const ivec2 PHASE[4] = ivec2[4](ivec2(0, 0), ivec2(1, 1), ivec2(1, 0), ivec2(0, 1)); // as in_turn has it
+            ivec2 first = LATTICE != 0u ? (p ^ PHASE[in_view.view.frame & 3u]) & 1 : ivec2(0);
+            const int STEP = LATTICE != 0u ? 2 : 1, REACH = 2 / STEP;
+            [[unroll]] for (int y = -REACH; y <= REACH; y++) {
+                [[unroll]] for (int x = -REACH; x <= REACH; x++) {
+                    ivec2 offset = first + STEP * ivec2(x, y), q = p + offset;
+                    if (any(greaterThan(offset, ivec2(2))) || !neighbour(q)) continue;
+                    float taken = imageLoad(in_mask, ivec3(q, LAYER)).x;
+                    if (FILTERED != 0u ? taken == 0.0 : taken != 1.0) continue;
+                    if (guide_id(imageLoad(in_guide, ivec3(q, LAYER))) != guide_id(guide)) continue;
+                    Light other = light_unpack(imageLoad(in_irradiance, ivec3(q, LAYER)));
+                    mean_a += other.a; square_a += other.a * other.a;
+                    mean_b += other.b; square_b += other.b * other.b;
                     count += 1.0;
                 }
             }
@@ -79,21 +103,22 @@ void main() {
                 mean_a /= count; mean_b /= count;
                 vec3 spread_a = push.clamp_spread * sqrt(max(square_a / count - mean_a * mean_a, vec3(0.0)));
                 vec3 spread_b = push.clamp_spread * sqrt(max(square_b / count - mean_b * mean_b, vec3(0.0)));
-                vec3 clamped_a = clamp(old_a, mean_a - spread_a, mean_a + spread_a), clamped_b = clamp(old_b, mean_b - spread_b, mean_b + spread_b);
-                old_a = clamped_a;
-                old_b = clamped_b;
+                if (LAYER == VIRTUAL || push.clamp_real != 0u) old.a.rgb = clamp(old.a.rgb, mean_a - spread_a, mean_a + spread_a);
+                old.b.rgb = clamp(old.b.rgb, mean_b - spread_b, mean_b + spread_b);
             }
         }
-        float length = fresh ? min(old_moments.z + 1.0, float(in_view.view.history_limit)) : old_moments.z;
-        float blend = fresh ? 1.0 / max(length, 1.0) : 0.0; // an interpolated value adds nothing to a history
-        a.rgb = mix(old_a, a.rgb, blend);
-        b.rgb = mix(old_b, b.rgb, blend);
-        moments = vec4(mix(old_moments.xy, moments.xy, blend), length, mix(old_moments.w, moments.w, blend));
-        luma = vec2(luminance(a.rgb), luminance(b.rgb));
+        age = fresh ? min(old.frames + 1.0, max(limit.x, limit.y)) : old.frames;
+        vec2 blend = fresh ? 1.0 / max(min(vec2(age), limit), vec2(1.0)) : vec2(0.0); // an interpolated value adds nothing to a history
+        light.a = mix(old.a.rgb, light.a, blend.x);
+        light.b = mix(old.b.rgb, light.b, blend.y);
+        moments = mix(vec2(old.a.w, old.b.w), moments, blend);
+        luma = vec2(luminance(light.a), luminance(light.b));
+        known = true;
     }
-    if (FAULT == FAULT_DRIFT) { a.rgb *= 1.2; b.rgb *= 1.2; }
-    vec2 variance = max(moments.xy - luma * luma, vec2(0.0)) / max(moments.z, 1.0);
-    imageStore(out_a, ivec3(p, layer), vec4(a.rgb, known ? variance.x : -1.0)); // negative: nothing is known here yet
-    if (has_b(layer)) imageStore(out_b, ivec3(p, layer), vec4(b.rgb, variance.y));
-    imageStore(out_moments, ivec3(p, layer), moments);
+    if (FAULT == FAULT_DRIFT) { light.a *= 1.2; light.b *= 1.2; }
+    light.deviation = sqrt(max(moments - luma * luma, vec2(0.0)) / max(min(vec2(age), limit), vec2(1.0)));
+    imageStore(a, at, vec4(light.a, moments.x));
+    if (has_b(LAYER)) imageStore(b, at, vec4(light.b, moments.y));
+    imageStore(frames, at, vec4(age));
+    imageStore(out_light, at, known ? light_pack(light) : LIGHT_UNKNOWN);
 }

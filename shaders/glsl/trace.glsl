@@ -108,7 +108,7 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
             }
             if (level < 0) break;
             uint texel = (root + pyramid_node(uint(level), x, y)) * 3u;
-            uvec4 a = imageLoad(in_pyramid, pyramid_texel(texel)), b = imageLoad(in_pyramid, pyramid_texel(texel + 1u)), c = imageLoad(in_pyramid, pyramid_texel(texel + 2u));
+            uvec4 a = imageLoad(in_pyramid, table_texel(texel)), b = imageLoad(in_pyramid, table_texel(texel + 1u)), c = imageLoad(in_pyramid, table_texel(texel + 2u));
             vec3 scale = uintBitsToFloat((uvec3(a.w, a.w >> 8u, a.w >> 16u) & 0xffu) << 23u) * inverse;
             vec3 base = uintBitsToFloat(a.xyz) * inverse + shift;
             uvec3 least = b.xyz, greatest = uvec3(b.w, c.xy);

@@ -99,7 +99,9 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
             problems.push(format!("it implements Vulkan {api_version} and 1.3 is needed"));
         } else {
             let mut words = vk::PhysicalDeviceDriverProperties::default();
-            let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut words);
+            let mut subgroups = vk::PhysicalDeviceSubgroupProperties::default();
+            let mut properties =
+                vk::PhysicalDeviceProperties2::default().push_next(&mut words).push_next(&mut subgroups);
             instance.get_physical_device_properties2(handle, &mut properties);
             driver = format!("{} ({})", text(&words.driver_name), text(&words.driver_info));
             let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
@@ -107,6 +109,12 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
             let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
             instance.get_physical_device_features2(handle, &mut features);
             extended_formats = features.features.shader_storage_image_extended_formats == vk::TRUE;
+            let ballots = vk::SubgroupFeatureFlags::BASIC | vk::SubgroupFeatureFlags::BALLOT;
+            if !subgroups.supported_operations.contains(ballots)
+                || !subgroups.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
+            {
+                problems.push("it lacks subgroup ballots in compute shaders".to_owned());
+            }
             for (has, name) in [
                 (v12.scalar_block_layout, "scalarBlockLayout"),
                 (v12.host_query_reset, "hostQueryReset"),

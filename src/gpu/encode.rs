@@ -53,7 +53,9 @@ pub(super) fn whole_image() -> vk::ImageSubresourceRange {
 /// The command buffer is recording, and the image is alive.
 pub(super) unsafe fn to_general(device: &ash::Device, commands: vk::CommandBuffer, image: vk::Image) {
     let change = [vk::ImageMemoryBarrier2::default()
-        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS) // its memory may have belonged to another image
+        // its memory may have belonged to another image
+        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
         .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
         .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
         .old_layout(vk::ImageLayout::UNDEFINED)

@@ -113,14 +113,30 @@ impl Gpu {
     /// # Errors
     /// Fails with [`Error::Internal`] if there is no such layer or level.
     pub fn read_image_level(&self, image: &Image, layer: u32, level: u32) -> Result<Vec<[f32; 4]>> {
+        Ok(decode(image.format(), &self.read_bytes(image, layer, level)?))
+    }
+
+    /// Reads one layer as the 16-bit floats that its texels of four 32-bit words hold, two in each word.
+    ///
+    /// # Errors
+    /// Fails with [`Error::Internal`] if there is no such layer or the texels have another size.
+    pub fn read_halves(&self, image: &Image, layer: u32) -> Result<Vec<[f32; 8]>> {
+        if image.format() != Format::Rgba32u {
+            return Err(Error::Internal(format!("{image:?} holds no packed halves")));
+        }
+        let half = |bytes: &[u8], i: usize| half::f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32();
+        let bytes = self.read_bytes(image, layer, 0)?;
+        Ok(bytes.chunks_exact(16).map(|texel| std::array::from_fn(|i| half(texel, i))).collect())
+    }
+
+    fn read_bytes(&self, image: &Image, layer: u32, level: u32) -> Result<Vec<u8>> {
         let region = region(image, layer, level)?;
         let bytes = level_bytes(image, level);
-        let bytes = self.download(&format!("reading {}", image.name()), bytes, |commands, staging| {
+        self.download(&format!("reading {}", image.name()), bytes, |commands, staging| {
             let layout = vk::ImageLayout::GENERAL;
             // SAFETY: both are alive until the copy is done, and the staging buffer is large enough.
             unsafe { self.0.device.cmd_copy_image_to_buffer(commands, image.handle(), layout, staging, &[region]) };
-        })?;
-        Ok(decode(image.format(), &bytes))
+        })
     }
 
     fn download(&self, what: &str, bytes: u64, copy: impl FnOnce(vk::CommandBuffer, vk::Buffer)) -> Result<Vec<u8>> {

@@ -175,7 +175,7 @@ fn pass_time(pass: &PassPlan, samples: &[Sample], renderer: &Renderer) -> PassTi
     let mut times: Vec<f64> = samples.iter().filter_map(|s| s.timings.pass(name)).collect();
     if times.is_empty() {
         let off = match renderer.prepared().pass(name) {
-            Some(ms) => format!("the video frame did not change; done once before, {ms:.1} ms"),
+            Some(ms) => format!("nothing that it depends on has changed; done once before, {ms:.1} ms"),
             None => pass.off.clone().unwrap_or_else(|| "not dispatched in the frames measured".to_owned()),
         };
         return PassTime {

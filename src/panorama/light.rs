@@ -2,16 +2,32 @@
 //! drawn.
 
 use super::source::PanoramaFrame;
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Columns and rows of cells. They must equal `LIGHT_CELLS` in `light.glsl`.
 pub const CELLS: [u32; 2] = [256, 128];
 
+/// Returns the mean luminance over all directions.
+pub fn mean_luminance(frame: &PanoramaFrame) -> f32 {
+    let [width, height] = frame.color_size.map(|side| side as usize);
+    let rows = frame.radiance.par_chunks_exact(width).enumerate().map(|(y, row)| {
+        let weight = (PI * (y as f64 + 0.5) / height as f64).sin();
+        [weight, weight * row.iter().map(luminance).sum::<f64>() / width as f64]
+    });
+    let rows: Vec<[f64; 2]> = rows.collect(); // summed in order, so that the sum is always the same
+    let [weight, sum] = rows.iter().fold([0.0; 2], |sum, row| [sum[0] + row[0], sum[1] + row[1]]);
+    (sum / weight.max(1e-9)) as f32
+}
+
+fn luminance(t: &[f32; 4]) -> f64 {
+    0.2126 * f64::from(t[0]) + 0.7152 * f64::from(t[1]) + 0.0722 * f64::from(t[2])
+}
+
 /// Returns the share of all light that is above the mean. `light_cells.comp` and `light_table.comp` compute
 /// it in the same way, from the interpolated radiance that rays see.
 pub fn light_share(frame: &PanoramaFrame) -> f64 {
     let [width, height] = frame.color_size;
-    let luminance = |t: &[f32; 4]| 0.2126 * f64::from(t[0]) + 0.7152 * f64::from(t[1]) + 0.0722 * f64::from(t[2]);
     // The weight of each texel, relative to the first row or column, in the mean over a cell: the integral of
     // its bilinear weight.
     let hats = |cell: u32, size: u32, cells: u32| {

@@ -1,26 +1,48 @@
 //! Pass 5, `atrous`: the edge-avoiding filter with up to five levels.
 
-use super::{interpolate::LIST_TILES, resources::Kernel, view::View};
+use super::{
+    resources::Kernel,
+    view::{LAYERS_FOLLOW, Role, View},
+};
 use crate::{
     Result,
-    gpu::{Bind, Frame, Gpu, Image, Threads},
+    gpu::{Bind, Frame, Gpu},
     gpu_struct,
-    plan::{Part, Plan},
+    plan::Plan,
     settings::{FilterOrder, Settings},
     shaders,
 };
 
 gpu_struct! {
     /// Push constants of `atrous.comp`.
-    pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32, pub raw: u32 }
+    pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32 }
 }
 
-pub struct Atrous(Kernel);
+/// The pass, with pipelines for each layer.
+pub struct Atrous {
+    first: Vec<Kernel>,
+    /// Of the other levels.
+    later: Vec<Kernel>,
+}
 
 impl Atrous {
-    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        let constants = [plan.constant(Part::Specular)];
-        Ok(Self(Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, &constants)?))
+    pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
+        let settings = &plan.settings;
+        let kernels = |first: bool| {
+            let kernel = |layer: &u32| {
+                let constants = [
+                    ("LAYER", *layer),
+                    ("RADIUS", settings.atrous_radius),
+                    ("RAW", u32::from(first && of_this_frame(settings))),
+                    ("FIRST", u32::from(first)),
+                    role.projection(plan),
+                ];
+                Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, &constants)
+            };
+            role.layers(plan).iter().map(kernel).collect::<Result<Vec<_>>>()
+        };
+        let later = if settings.atrous_levels > 1 { kernels(false)? } else { Vec::new() };
+        Ok(Self { first: kernels(true)?, later })
     }
 
     /// Records the levels. The input is the accumulated a and b, or this frame's irradiance.
@@ -34,35 +56,27 @@ impl Atrous {
     }
 
     fn level(&self, frame: &mut Frame, view: &View, settings: &Settings, level: u32) -> Result<()> {
-        let (from, to) = (Self::names(level, settings), Self::names(level + 1, settings));
-        let special = [
-            ("in_a", Bind::from(view.image(from[0])?)),
-            ("in_b", Bind::from(view.image(from[1])?)),
-            ("out_a", Bind::from(view.image(to[0])?)),
-            ("out_b", Bind::from(view.image(to[1])?)),
-        ];
-        let raw = level == 0 && of_this_frame(settings);
-        let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance, raw: u32::from(raw) };
-        self.0.dispatch(frame, &special, &[&view.resources], &push, Threads::Indirect(&view.arguments, LIST_TILES))
+        let kernels = if level == 0 { &self.first } else { &self.later };
+        let image = |level| view.image(Self::name(level, settings));
+        let special = [("in_light", Bind::from(image(level)?)), ("out_light", Bind::from(image(level + 1)?))];
+        let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance };
+        (0..).zip(kernels).try_for_each(|(layer, kernel)| {
+            frame.barrier(LAYERS_FOLLOW);
+            kernel.dispatch(frame, &special, &[&view.resources], &push, view.tiles(layer))
+        })
     }
 
-    /// The images that hold a and b after the last level.
-    pub fn result<'a>(view: &'a View, settings: &Settings) -> Result<[&'a Image; 2]> {
-        let [a, b] = Self::result_names(settings);
-        Ok([view.image(a)?, view.image(b)?])
+    /// The image that holds a and b after the last level.
+    pub fn result(settings: &Settings) -> &'static str {
+        Self::name(settings.atrous_levels, settings)
     }
 
-    /// The names of those images.
-    pub fn result_names(settings: &Settings) -> [&'static str; 2] {
-        Self::names(settings.atrous_levels, settings)
-    }
-
-    fn names(level: u32, settings: &Settings) -> [&'static str; 2] {
+    fn name(level: u32, settings: &Settings) -> &'static str {
         match level {
-            0 if of_this_frame(settings) => ["irradiance_a", "irradiance_b"],
-            0 => ["a", "b"],
-            odd if odd % 2 == 1 => ["filtered_a", "filtered_b"],
-            _ => ["scratch_a", "scratch_b"],
+            0 if of_this_frame(settings) => "irradiance",
+            0 => "accumulated",
+            odd if odd % 2 == 1 => "filtered",
+            _ => "scratch",
         }
     }
 }

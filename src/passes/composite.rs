@@ -27,10 +27,17 @@ impl Composite {
         )?))
     }
 
-    /// Records the dispatch. `irradiance` holds a and b after filtering, if the plan has any.
-    pub fn record(&self, frame: &mut Frame, view: &View, irradiance: Option<[&Image; 2]>) -> Result<()> {
-        let special = irradiance.map(|[a, b]| [("in_a", Bind::from(a)), ("in_b", Bind::from(b))]);
-        let special = special.as_ref().map_or(&[][..], |special| special);
-        self.0.dispatch(frame, special, &[&view.resources], &(), Threads::Size([view.size[0], view.size[1], 1]))
+    /// Records the dispatch. `light` holds a and b after filtering, if the plan has any.
+    pub fn record(&self, frame: &mut Frame, view: &View, light: Option<&Image>) -> Result<()> {
+        // Without any, the stand-in for what is left out is bound.
+        let light = light.map(Bind::from).or_else(|| view.resources.find("irradiance"));
+        let special = light.map(|light| ("in_light", light));
+        self.0.dispatch(
+            frame,
+            special.as_slice(),
+            &[&view.resources],
+            &(),
+            Threads::Size([view.size[0], view.size[1], 1]),
+        )
     }
 }

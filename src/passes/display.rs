@@ -43,7 +43,7 @@ impl Meaning {
             "object_id" => Self::Id,
             "hit" => Self::Code,
             "mask" => Self::Mask,
-            "moments" => Self::History,
+            "frames" => Self::History,
             _ if aov == "real_coverage" => Self::Share,
             _ => Self::Radiance,
         }
@@ -99,7 +99,8 @@ gpu_struct! {
         pub size: [u32; 2],
         pub look: u32,
         pub layer: u32,
-        pub plus: u32,
+        pub values: u32,
+        pub light_scales: [f32; 2],
         pub channel: i32,
         pub exposure: f32,
         pub raised: f32,
@@ -108,16 +109,40 @@ gpu_struct! {
     }
 }
 
+/// How an image holds values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Values {
+    /// As they are.
+    Floats,
+    /// As a of packed light.
+    A,
+    /// As b of packed light.
+    B,
+    /// As the sum of a and b.
+    Sum,
+}
+
+/// Where the values of an AOV are on the device.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    pub image: &'a Image,
+    /// Its layer.
+    pub layer: u32,
+    /// How it holds them.
+    pub values: Values,
+    /// Factors on a and b of packed light.
+    pub scales: [f32; 2],
+    /// The one channel to show, or all for `None`.
+    pub channel: Option<usize>,
+}
+
 /// What to show, and how.
 #[derive(Clone, Copy)]
 pub struct Input<'a> {
-    /// The image, and which of its layers is shown.
-    pub image: &'a Image,
-    pub layer: u32,
-    /// Added to the image, or compared with it.
+    /// Where the values are.
+    pub source: Source<'a>,
+    /// The picture that it is compared with.
     pub other: Option<&'a Image>,
-    /// The one channel to show, or all for `None`.
-    pub channel: Option<usize>,
     /// What the numbers mean.
     pub look: Meaning,
     /// The factor on radiance.
@@ -151,22 +176,24 @@ impl Display {
 
     pub fn record(&self, frame: &mut Frame, input: &Input, picture: &Image) -> Result<()> {
         let [floats, codes] = &self.nothing;
-        let is_code = input.look == Meaning::Code;
+        let Source { image, layer, values, scales, channel } = input.source;
+        let is_code = input.look == Meaning::Code || values != Values::Floats;
         let push = Push {
             size: picture.size(),
             look: input.look as u32,
-            layer: input.layer,
-            plus: u32::from(input.look != Meaning::Difference && input.other.is_some()),
-            channel: input.channel.map_or(-1, |channel| channel as i32),
+            layer,
+            values: values as u32,
+            light_scales: scales,
+            channel: channel.map_or(-1, |channel| channel as i32),
             exposure: input.exposure,
             raised: input.raised[0],
             scale: input.raised[1].max(1e-9),
             marks: u32::from(input.marked.is_some()),
         };
         let special = [
-            ("in_image", Bind::from(if is_code { floats } else { input.image })),
+            ("in_image", Bind::from(if is_code { floats } else { image })),
             ("in_other", Bind::from(input.other.unwrap_or(floats))),
-            ("in_codes", Bind::from(if is_code { input.image } else { codes })),
+            ("in_codes", Bind::from(if is_code { image } else { codes })),
             ("in_marked", Bind::from(input.marked.unwrap_or(floats))),
             ("out_picture", Bind::from(picture)),
         ];

@@ -3,11 +3,11 @@
 use super::{
     resources::{Kernel, Resources},
     scene::SceneBuffers,
-    view::{Role, View},
+    view::{REAL, Role, VIRTUAL, View},
 };
 use crate::{
     Result,
-    gpu::{Frame, Gpu, Threads},
+    gpu::{Constant, Frame, Gpu, Threads},
     plan::{Part, Plan},
     shaders,
 };
@@ -25,44 +25,68 @@ pub struct Look {
 pub struct Gbuffer {
     centre: Kernel,
     /// Runs if objects are in view.
-    coverage: Option<Kernel>,
+    objects: Option<Objects>,
+}
+
+struct Objects {
+    coverage: Kernel,
+    silhouette: Kernel,
+    surface: Kernel,
 }
 
 impl Gbuffer {
     pub fn new(gpu: &Gpu, plan: &Plan, look: Look) -> Result<Self> {
         let shown = look.role == Role::Picture;
         let in_view = shown && plan.on(Part::VirtualSurfaces);
+        let projection = look.role.projection(plan);
         let material = [
-            Part::OffCentre.constant(u32::from(look.off_centre)),
             plan.constant(Part::Specular),
             plan.constant(Part::Emission),
             plan.constant(Part::Textures),
             plan.constant(Part::Motion),
-            plan.constant(Part::Objects),
+            projection,
         ];
-        let minified = Part::RadiancePyramid.constant(u32::from(plan.color_levels() > 1));
-        let fill = ("FILL_UNSEEN", u32::from(plan.settings.fill_unseen)); // coverage needs no colour
+        let rays = [Part::OffCentre.constant(u32::from(look.off_centre)), plan.constant(Part::Objects)];
         let centre = [
-            &material[..],
-            &[fill, minified, Part::VirtualSurfaces.constant(u32::from(in_view)), ("SHOWN", u32::from(shown))],
-        ]
-        .concat();
-        let coverage = || Kernel::new::<()>(gpu, "coverage", shaders::COVERAGE, &material);
+            ("FILL_UNSEEN", u32::from(plan.settings.fill_unseen)), // what is behind objects needs no colour
+            Part::RadiancePyramid.constant(u32::from(plan.color_levels() > 1)),
+            Part::VirtualSurfaces.constant(u32::from(in_view)),
+            ("SHOWN", u32::from(shown)),
+            plan.constant(Part::Emission),
+            projection,
+        ];
+        let kernel =
+            |name, shader, constants: &[&[Constant]]| Kernel::new::<()>(gpu, name, shader, &constants.concat());
+        let objects = || {
+            Ok(Objects {
+                coverage: kernel("coverage", shaders::COVERAGE, &[&[projection]])?,
+                silhouette: kernel("silhouette", shaders::SILHOUETTE, &[&material, &rays])?,
+                surface: kernel("surface", shaders::SURFACE, &[&material])?,
+            })
+        };
         Ok(Self {
-            centre: Kernel::new::<()>(gpu, "gbuffer", shaders::GBUFFER, &centre)?,
-            coverage: in_view.then(coverage).transpose()?,
+            centre: kernel("gbuffer", shaders::GBUFFER, &[&rays, &centre])?,
+            objects: in_view.then(objects).transpose()?,
         })
     }
 
-    /// Records one or both dispatches.
+    /// Records the dispatches: for all pixels, and if objects are in view for silhouettes and for the pixels
+    /// that show objects.
     pub fn record(&self, frame: &mut Frame, view: &View, panorama: &Resources, scene: &SceneBuffers) -> Result<()> {
-        let threads = || Threads::Size([view.size[0], view.size[1], 1]);
+        let all = || Threads::Size([view.size[0], view.size[1], 1]);
         let pools = [&view.resources, panorama, &scene.resources];
         frame.scope("gbuffer", |frame| {
-            self.centre.dispatch(frame, &[], &pools, &(), threads())?;
-            let Some(coverage) = &self.coverage else { return Ok(()) };
+            frame.fill(&view.arguments, 0);
+            frame.fill(&view.held_arguments, 0);
+            frame.barrier("gbuffer counts from zero");
+            self.centre.dispatch(frame, &[], &pools, &(), all())?;
+            let Some(objects) = &self.objects else { return Ok(()) };
             frame.barrier("coverage reads its neighbours' visibility");
-            coverage.dispatch(frame, &[], &pools, &(), threads())
+            objects.coverage.dispatch(frame, &[], &pools, &(), all())?;
+            frame.barrier("silhouette reads the list that coverage made");
+            objects.silhouette.dispatch(frame, &[], &pools, &(), view.listed(REAL))?;
+            frame.barrier("surface writes the same images elsewhere");
+            objects.surface.dispatch(frame, &[], &pools, &(), view.listed(VIRTUAL))
         })
     }
 }

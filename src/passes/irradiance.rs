@@ -2,52 +2,49 @@
 //! relit.
 
 use super::{
-    resources::{Kernel, Resource, Resources},
+    resources::{Kernel, Resources},
     scene::SceneBuffers,
-    view::{Role, View},
+    temporal::Since,
+    view::{LAYERS_FOLLOW, REAL, Role, View},
 };
 use crate::{
     Result,
-    gpu::{Frame, Gpu, Image, Threads},
+    gpu::{Bind, Frame, Gpu, Image, Threads},
     gpu_struct,
     plan::{Part, Plan},
     settings::VirtualTracer,
     shaders,
 };
-
-/// Byte offsets of the two lists' indirect arguments, as in `list.glsl`.
-const LIST_REAL: u64 = 0;
-const LIST_VIRTUAL: u64 = 16;
-
-/// The relit panorama's map of real surfaces, which rays read.
-pub struct Relight<'a> {
-    /// E_R.
-    pub real: &'a Image,
-    /// ΔE.
-    pub change: &'a Image,
-}
+use rayon::prelude::*;
 
 gpu_struct! {
     /// Push constants of `irradiance.comp`.
-    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32, pub march_steps: u32 }
+    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32, pub march_steps: u32, pub least_share: f32, pub history_valid: u32, pub still: u32 }
 }
 
 /// The pass that traces paths.
 pub struct Irradiance {
-    real: Kernel,
-    /// For virtual surfaces, if there are any in view.
-    other: Option<Kernel>,
-    /// For the relit map. It shows no objects, so a tracer that walks the picture would find none.
-    relight: Option<Kernel>,
+    /// Leaves out rays that meet no object, if the settings allow it.
+    aim: Option<Kernel>,
+    /// A pipeline for each layer.
+    layers: Vec<Kernel>,
     push: IrradiancePush,
 }
 
 impl Irradiance {
-    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
+    pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
         let settings = &plan.settings;
-        let kernel = |layer: u32, virtual_tracer: VirtualTracer| {
+        let virtual_tracer = match role {
+            Role::Picture => settings.virtual_tracer,
+            // The map shows no objects, so a tracer that walks it would find none.
+            Role::Relight => VirtualTracer::Bvh,
+        };
+        let roulette = plan.roulette();
+        let kernel = |layer: &u32| {
             let constants = [
-                ("LAYER", layer),
+                ("LAYER", *layer),
+                ("ROULETTE", u32::from(roulette)),
+                role.projection(plan),
                 plan.constant(Part::RealTracer),
                 ("VIRTUAL_TRACER", virtual_tracer as u32),
                 ("RELIGHTING", settings.relighting as u32),
@@ -60,46 +57,58 @@ impl Irradiance {
             ];
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)
         };
-        let (real, other) = rayon::join(
-            || kernel(0, settings.virtual_tracer),
-            || plan.on(Part::VirtualSurfaces).then(|| kernel(1, settings.virtual_tracer)).transpose(),
-        );
+        let aim = || {
+            let constants = [plan.constant(Part::RealTracer), plan.constant(Part::LightTable), role.projection(plan)];
+            Kernel::new::<IrradiancePush>(gpu, "aim", shaders::AIM, &constants)
+        };
         Ok(Self {
-            real: real?,
-            other: other?,
-            relight: (plan.on(Part::Relight) && settings.virtual_tracer != VirtualTracer::Bvh)
-                .then(|| kernel(0, VirtualTracer::Bvh))
-                .transpose()?,
+            aim: roulette.then(aim).transpose()?,
+            layers: role.layers(plan).par_iter().map(kernel).collect::<Result<_>>()?,
             push: IrradiancePush {
                 screen_thickness: settings.screen_thickness,
                 screen_stride: settings.screen_stride,
                 screen_jitter: settings.screen_jitter,
                 march_steps: settings.march_steps,
+                least_share: settings.least_share,
+                ..Default::default()
             },
         })
     }
 
-    /// Records the list of real surfaces, and that of virtual ones if the view shows objects.
+    /// Records a dispatch for each layer. Rays see real surfaces relit, as the map `relit` holds their light.
+    /// `last` is the light of the last frame.
     pub fn record(
         &self,
         frame: &mut Frame,
         view: &View,
         panorama: &Resources,
         scene: &SceneBuffers,
-        relight: &Relight,
+        relit: &Image,
+        last: &Image,
+        since: Since,
     ) -> Result<()> {
-        let mut relit = Resources::default();
-        relit.add("relight_real", Resource::Image(relight.real.clone()));
-        relit.add("relight_change", Resource::Image(relight.change.clone()));
-        let pools = [&view.resources, panorama, &scene.resources, &relit];
-        let real = self.relight.as_ref().filter(|_| view.role == Role::Relight).unwrap_or(&self.real);
+        let push =
+            IrradiancePush { history_valid: u32::from(since.history), still: u32::from(since.still), ..self.push };
+        let (relit, last) = (("in_relit_light", Bind::from(relit)), ("in_light", Bind::from(last)));
+        let aimed = || [("in_list", Bind::from(&view.aimed)), ("in_arguments", Bind::from(&view.aimed_arguments))];
+        let pools = [&view.resources, panorama, &scene.resources];
         frame.scope("irradiance", |frame| {
-            let list = |first| Threads::Indirect(&view.arguments, first);
-            frame.scope("real", |frame| real.dispatch(frame, &[], &pools, &self.push, list(LIST_REAL)))?;
-            let (Role::Picture, Some(other)) = (view.role, &self.other) else { return Ok(()) };
-            // the two write different layers of the same images
-            frame.barrier("virtual surfaces after real ones");
-            frame.scope("virtual", |frame| other.dispatch(frame, &[], &pools, &self.push, list(LIST_VIRTUAL)))
+            if let Some(aim) = &self.aim {
+                frame.fill(&view.aimed_arguments, 0);
+                frame.barrier("aim counts from zero");
+                aim.dispatch(frame, &[last.clone()], &pools, &push, view.listed(REAL))?;
+                frame.barrier("irradiance reads what aim left");
+            }
+            (0..).zip(&self.layers).try_for_each(|(layer, kernel)| {
+                let name = if layer == REAL { "real" } else { "virtual" };
+                let (mut special, mut threads) = (vec![relit.clone(), last.clone()], view.listed(layer));
+                if layer == REAL && self.aim.is_some() {
+                    special.extend(aimed());
+                    threads = Threads::Indirect(&view.aimed_arguments, 0);
+                }
+                frame.barrier(LAYERS_FOLLOW);
+                frame.scope(name, |frame| kernel.dispatch(frame, &special, &pools, &push, threads))
+            })
         })
     }
 }

@@ -113,8 +113,13 @@ pub const PASSES: &[PassRow] = &[
         name: "gbuffer",
         what: "primary visibility of panorama and objects, then the fraction M at silhouettes",
         every: Every::Frame,
-        shaders: &[("gbuffer", shaders::GBUFFER), ("coverage", shaders::COVERAGE)],
-        dispatches: |plan| 1 + u32::from(plan.on(Part::VirtualSurfaces)),
+        shaders: &[
+            ("gbuffer", shaders::GBUFFER),
+            ("coverage", shaders::COVERAGE),
+            ("silhouette", shaders::SILHOUETTE),
+            ("surface", shaders::SURFACE),
+        ],
+        dispatches: |plan| 1 + 3 * u32::from(plan.on(Part::VirtualSurfaces)),
         without: &[],
         color: "#7570b3",
     },
@@ -132,7 +137,7 @@ pub const PASSES: &[PassRow] = &[
         what: "one path for each traced surface: first the real ones, then the virtual ones, which see them relit",
         every: Every::Frame,
         shaders: &[("irradiance", shaders::IRRADIANCE)],
-        dispatches: |plan| u32::from(plan.on(Part::Objects)) + u32::from(plan.on(Part::VirtualSurfaces)),
+        dispatches: |plan| layers(plan) * u32::from(plan.on(Part::Objects)),
         without: &[Part::Objects],
         color: "#e7298a",
     },
@@ -141,7 +146,7 @@ pub const PASSES: &[PassRow] = &[
         what: "pixels that were not traced, from traced neighbours",
         every: Every::Frame,
         shaders: &[("interpolate", shaders::INTERPOLATE)],
-        dispatches: |plan| u32::from(plan.on(Part::Interpolate)),
+        dispatches: |plan| layers(plan) * u32::from(plan.on(Part::Interpolate)),
         without: &[Part::Interpolate],
         color: "#66a61e",
     },
@@ -150,16 +155,16 @@ pub const PASSES: &[PassRow] = &[
         what: "accumulation along motion vectors",
         every: Every::Frame,
         shaders: &[("temporal", shaders::TEMPORAL)],
-        dispatches: |plan| u32::from(plan.on(Part::Temporal)),
+        dispatches: |plan| layers(plan) * u32::from(plan.on(Part::Temporal)),
         without: &[Part::Temporal],
         color: "#1f78b4",
     },
     PassRow {
         name: "atrous",
-        what: "the edge-avoiding filter, a dispatch a level",
+        what: "the edge-avoiding filter, level by level",
         every: Every::Frame,
         shaders: &[("atrous", shaders::ATROUS)],
-        dispatches: levels,
+        dispatches: |plan| layers(plan) * levels(plan),
         without: &[Part::Atrous],
         color: "#b2182b",
     },
@@ -180,7 +185,12 @@ pub fn help() -> String {
     format!("Passes, in the order of the frame:{}", rows.collect::<String>())
 }
 
-/// The number of atrous levels, each of which is a dispatch.
+/// The number of surfaces that a pixel may hold, each of which is dispatched alone.
+fn layers(plan: &Plan) -> u32 {
+    1 + u32::from(plan.on(Part::VirtualSurfaces))
+}
+
+/// The number of atrous levels.
 fn levels(plan: &Plan) -> u32 {
     plan.settings.atrous_levels * u32::from(plan.on(Part::Atrous))
 }

@@ -66,7 +66,8 @@ impl Resources {
         }
     }
 
-    fn find(&self, binding: &str) -> Option<Bind> {
+    /// What a binding of this name is given.
+    pub fn find(&self, binding: &str) -> Option<Bind> {
         let previous = binding.strip_prefix("history_");
         let name = previous.or(binding.strip_prefix("in_")).or(binding.strip_prefix("out_")).unwrap_or(binding);
         self.0.iter().find(|(n, _)| *n == name).map(|(_, resource)| match resource {
@@ -80,10 +81,8 @@ impl Resources {
 /// Every struct in a buffer of some shader, by GLSL name. Each pass checks the layout of those it uses.
 pub const STRUCTS: &[StructLayout] = &[
     struct_layout::<ViewData>("View"),
-    struct_layout::<packed::TriangleGeometry>("TriangleGeometry"),
     struct_layout::<packed::TriangleShading>("TriangleShading"),
     struct_layout::<packed::Vertex>("Vertex"),
-    struct_layout::<packed::BvhNode>("BvhNode"),
     struct_layout::<packed::Instance>("Instance"),
     struct_layout::<packed::PackedMaterial>("Material"),
     struct_layout::<packed::PackedTexture>("Texture"),

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Buffer, Frame, Gpu},
+    gpu::{Buffer, Format, Frame, Gpu, Image},
     scene::packed::{BvhNode, Instance, PackedInstances, PackedScene},
 };
 use glam::Vec3;
@@ -15,7 +15,8 @@ pub struct SceneBuffers {
     /// What shaders read, by name.
     pub resources: Resources,
     instances: Buffer,
-    top_nodes: Buffer,
+    places: Table,
+    top_nodes: Table,
 }
 
 impl SceneBuffers {
@@ -23,25 +24,74 @@ impl SceneBuffers {
     pub fn new(gpu: &Gpu, scene: &PackedScene, instances: usize) -> Result<Self> {
         let mut resources = Resources::default();
         let mut add = |name: &'static str, buffer: Buffer| resources.add(name, Resource::Buffer(buffer));
-        add("triangles", gpu.buffer_with("triangles", &scene.triangles)?);
         add("shading", gpu.buffer_with("triangle shading", &scene.shading)?);
         add("vertices", gpu.buffer_with("vertices", &scene.vertices)?);
-        add("nodes", gpu.buffer_with("bvh nodes", &scene.nodes)?);
         add("materials", gpu.buffer_with("materials", &scene.materials)?);
         add("textures", gpu.buffer_with("textures", &scene.textures)?);
         add("texels", gpu.buffer_with("texels", &scene.texels)?);
         add("energy", gpu.buffer_with("brdf energy", &brdf_table())?);
         let top = gpu.buffer("instances", (instances * size_of::<Instance>()) as u64)?;
-        let top_nodes = gpu.buffer("top bvh nodes", (2 * instances * size_of::<BvhNode>()) as u64)?;
         add("instances", top.clone());
-        add("top_nodes", top_nodes.clone());
-        Ok(Self { resources, instances: top, top_nodes })
+        let triangles: Vec<_> =
+            scene.triangles.iter().flat_map(|t| [t.v0, t.e1, t.e2].map(|v| v.extend(0.0))).collect();
+        let triangles = Table::with(gpu, "triangles", bytemuck::cast_slice(&triangles))?;
+        let nodes = Table::with(gpu, "bvh nodes", bytemuck::cast_slice(&scene.nodes))?;
+        let places = Table::new(gpu, "places", instances * PLACE_TEXELS)?;
+        let top_nodes = Table::new(gpu, "top bvh nodes", 2 * instances * size_of::<BvhNode>() / TEXEL)?;
+        for (name, table) in
+            [("triangles", &triangles), ("nodes", &nodes), ("places", &places), ("top_nodes", &top_nodes)]
+        {
+            resources.add(name, Resource::Image(table.0.clone()));
+        }
+        Ok(Self { resources, instances: top, places, top_nodes })
     }
 
     /// Records the upload of a frame's instances, which are relative to the panorama's centre.
     pub fn upload(&self, frame: &mut Frame, state: &PackedInstances) -> Result<()> {
         frame.write_buffer(&self.instances, 0, &state.instances)?;
-        frame.write_buffer(&self.top_nodes, 0, &state.nodes)
+        let place = |instance: &Instance| {
+            let [x, y, z] = instance.world_to_object.map(|row| row.map(f32::to_bits));
+            [x, y, z, [instance.root, 0, 0, 0]]
+        };
+        let places: Vec<_> = state.instances.iter().flat_map(place).collect();
+        self.places.upload(frame, &places)?;
+        self.top_nodes.upload(frame, bytemuck::cast_slice(&state.nodes))
+    }
+}
+
+/// Bytes of a texel of a [`Table`].
+const TEXEL: usize = 16;
+/// Texels of a place: the rows of an instance's `world_to_object`, and the root of its bottom level.
+const PLACE_TEXELS: usize = 4;
+
+/// An array of four words an item, as an image. CPU drivers read an image in which each lane has an index of
+/// its own several times faster than a buffer; for GPUs it is the same.
+struct Table(Image);
+
+/// Texels of a row, a width that images of every device can have. `table_texel` in `common.glsl` knows it.
+const TABLE_ROW: usize = 4096;
+
+impl Table {
+    fn new(gpu: &Gpu, name: &str, items: usize) -> Result<Self> {
+        let (width, height) = (items.clamp(1, TABLE_ROW), items.div_ceil(TABLE_ROW).max(1));
+        gpu.image(name, [width as u32, height as u32], 1, 1, Format::Rgba32u).map(Self)
+    }
+
+    fn with(gpu: &Gpu, name: &str, items: &[[u32; 4]]) -> Result<Self> {
+        let table = Self::new(gpu, name, items.len())?;
+        gpu.write_image(&table.0, 0, 0, &table.padded(items))?;
+        Ok(table)
+    }
+
+    fn upload(&self, frame: &mut Frame, items: &[[u32; 4]]) -> Result<()> {
+        frame.write_image(&self.0, 0, 0, &self.padded(items))
+    }
+
+    fn padded(&self, items: &[[u32; 4]]) -> Vec<[u32; 4]> {
+        let [width, height] = self.0.size();
+        let mut padded = items.to_vec();
+        padded.resize(width as usize * height as usize, [0; 4]);
+        padded
     }
 }
 
@@ -51,9 +101,8 @@ pub fn relative_to(centre: Vec3, mut state: PackedInstances) -> PackedInstances 
         recentre(instance, centre);
     }
     for node in &mut state.nodes {
-        for corner in [&mut node.min0, &mut node.max0, &mut node.min1, &mut node.max1] {
-            *corner -= centre;
-        }
+        node.min -= centre;
+        node.max -= centre;
     }
     state
 }

@@ -3,7 +3,7 @@
 use super::resources::{Resource, Resources};
 use crate::{
     Error, Result,
-    gpu::{Buffer, Format, Gpu, Image},
+    gpu::{Buffer, Constant, Format, Gpu, Image, Threads},
     gpu_struct,
     plan::{Part, Plan},
     scene::viewpoint::{Projection, Viewpoint},
@@ -42,8 +42,10 @@ gpu_struct! {
         pub coverage_samples: u32,
         pub rays_per_16: u32,
         pub history_limit: u32,
+        pub history_limit_real: u32,
         pub relit: u32,
         pub relight_size: [u32; 2],
+        pub light_units: Vec2,
     }
 }
 
@@ -72,12 +74,34 @@ pub struct View {
     pub resources: Resources,
     /// The buffer of [`ViewData`].
     pub data: Buffer,
-    /// Arguments of indirect dispatches: real list, virtual list, tiles.
+    /// Arguments of indirect dispatches over the lists of pixels, of real and of virtual surfaces.
     pub arguments: Buffer,
+    /// The same for the lists of tiles in which a layer holds surfaces.
+    pub held_arguments: Buffer,
+    /// The same for those of them that are visited this frame.
+    pub tile_arguments: Buffer,
+    /// What aim leaves of the list of real surfaces.
+    pub aimed: Buffer,
+    /// The arguments of a dispatch over these.
+    pub aimed_arguments: Buffer,
     /// Why the history must not be used, if it must not. The next frame logs and clears this.
     pub history_reset: Option<&'static str>,
     /// The viewpoint of the previous frame.
     pub previous: Option<Viewpoint>,
+    /// What the images of `gbuffer` show, and whether their motion is zero.
+    shown: Option<(Shown, bool)>,
+    /// How many frames with a history have shown the same since.
+    still: u32,
+}
+
+/// All that the images of `gbuffer` depend on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shown {
+    pub video_frame: usize,
+    /// The viewpoint, where it is not always the same.
+    pub viewpoint: Option<Viewpoint>,
+    /// The rows of each object's matrix.
+    pub objects: Vec<[[f32; 4]; 3]>,
 }
 
 /// What a view is for, which decides what it holds.
@@ -88,6 +112,22 @@ pub enum Role {
     /// The relit panorama's map, which shows no objects and holds no radiance.
     Relight,
 }
+
+impl Role {
+    /// The specialization constant of the projection, which is one in all views of this role.
+    pub fn projection(self, plan: &Plan) -> Constant {
+        let equirect = self == Self::Relight || plan.facts.projection == Projection::Equirect;
+        ("PROJECTION", u32::from(equirect))
+    }
+
+    /// The layers whose surfaces are lit.
+    pub fn layers(self, plan: &Plan) -> &'static [u32] {
+        if self == Self::Picture && plan.on(Part::VirtualSurfaces) { &[REAL, VIRTUAL] } else { &[REAL] }
+    }
+}
+
+/// Why there is a barrier between the dispatches of a pass, which write different layers of the same images.
+pub const LAYERS_FOLLOW: &str = "virtual surfaces come after real ones";
 
 /// The layer of real surfaces.
 pub const REAL: u32 = 0;
@@ -118,11 +158,13 @@ struct Declared {
     levels: u32,
     /// Whether the image is left out of the relit map.
     of_picture: bool,
+    /// Whether it holds a and b, as `light_code.glsl` packs them.
+    packed: bool,
 }
 
 impl Declared {
     const fn new(name: &'static str, format: Format, holds: Holds, parts: &'static [Part]) -> Self {
-        Self { name, format, holds, history: false, parts, levels: 0, of_picture: false }
+        Self { name, format, holds, history: false, parts, levels: 0, of_picture: false, packed: false }
     }
 
     const fn with_history(self) -> Self {
@@ -131,6 +173,10 @@ impl Declared {
 
     const fn at_levels(self, levels: u32) -> Self {
         Self { levels, ..self }
+    }
+
+    const fn packed(self) -> Self {
+        Self { packed: true, ..self }
     }
 
     const fn of_picture(self) -> Self {
@@ -161,9 +207,10 @@ const DECLARED: &[Declared] = {
     use Holds::{Lobes, Pixel, Surfaces};
     use Part::{Emission, Objects, Temporal, VirtualSurfaces};
     &[
-        Declared::new("position", Rgba32f, Surfaces, &[Objects]).with_history(),
-        Declared::new("normal", Rgba16f, Surfaces, &[Objects]).with_history(),
-        Declared::new("motion", Rgba32f, Surfaces, &[Objects]).with_history(),
+        Declared::new("position", Rgba32f, Surfaces, &[Objects]),
+        Declared::new("normal", Rgba16f, Surfaces, &[Objects]),
+        Declared::new("motion", Rgba32f, Surfaces, &[Objects]),
+        Declared::new("guide", Rgba32u, Surfaces, &[Objects]).with_history(),
         Declared::new("camera_radiance", Rgba32f, Pixel, &[]).of_picture(),
         Declared::new("albedo_virtual", Rgba16f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
         Declared::new("emission", Rgba16f, Pixel, &[Objects, VirtualSurfaces, Emission]).of_picture(),
@@ -171,15 +218,13 @@ const DECLARED: &[Declared] = {
         Declared::new("real_coverage", R32f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
         Declared::new("radiance", Rgba32f, Pixel, &[]).of_picture(),
         Declared::new("mask", R32f, Surfaces, &[Objects]),
-        Declared::new("irradiance_a", Rgba32f, Surfaces, &[Objects]),
-        Declared::new("irradiance_b", Rgba32f, Lobes, &[Objects]),
-        Declared::new("filtered_a", Rgba32f, Surfaces, &[Objects]).at_levels(1),
-        Declared::new("filtered_b", Rgba32f, Lobes, &[Objects]).at_levels(1),
-        Declared::new("scratch_a", Rgba32f, Surfaces, &[Objects]).at_levels(2),
-        Declared::new("scratch_b", Rgba32f, Lobes, &[Objects]).at_levels(2),
+        Declared::new("irradiance", Rgba32u, Surfaces, &[Objects]).packed(),
         Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history(),
         Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history(),
-        Declared::new("moments", Rgba32f, Surfaces, &[Objects, Temporal]).with_history(),
+        Declared::new("frames", R32f, Surfaces, &[Objects, Temporal]).with_history(),
+        Declared::new("accumulated", Rgba32u, Surfaces, &[Objects, Temporal]).packed(),
+        Declared::new("filtered", Rgba32u, Surfaces, &[Objects]).packed().at_levels(1),
+        Declared::new("scratch", Rgba32u, Surfaces, &[Objects]).packed().at_levels(2),
     ]
 };
 
@@ -188,14 +233,23 @@ pub fn of_surfaces(image: &str) -> bool {
     DECLARED.iter().any(|declared| declared.name == image && declared.holds != Holds::Pixel)
 }
 
-/// Bytes of the lists of pixels and of tiles.
-fn list_bytes(plan: &Plan, role: Role, size: [u32; 2]) -> [u64; 2] {
+/// Whether an image holds a and b, as `light_code.glsl` packs them.
+pub fn is_packed(image: &str) -> bool {
+    DECLARED.iter().any(|declared| declared.name == image && declared.packed)
+}
+
+/// Bytes of the arguments of an indirect dispatch, as in `list.glsl`.
+const ARGUMENTS: u64 = 16;
+
+/// Bytes of the list of pixels, of a list of tiles, and of the list that aim leaves.
+fn list_bytes(plan: &Plan, role: Role, size: [u32; 2]) -> [u64; 3] {
     if !plan.on(Part::Objects) {
-        return [0; 2];
+        return [0; 3];
     }
-    let layers = if role == Role::Picture && plan.on(Part::VirtualSurfaces) { 2 } else { 1 };
-    let product = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
-    [product(size), product(size.map(|side| side.div_ceil(8)))].map(|items| items * layers * 4)
+    let layers = role.layers(plan).len() as u64;
+    let bytes = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height) * 4;
+    let (pixels, tiles) = (bytes(size), bytes(size.map(|side| side.div_ceil(8))));
+    [pixels * layers, tiles * 2, if plan.roulette() { pixels } else { 0 }]
 }
 
 /// Bytes of a view's images and lists.
@@ -206,7 +260,9 @@ pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
         let frames = if image.history && plan.on(Part::Temporal) { 2 } else { 1 };
         texels * u64::from(image.layers(plan, role)) * image.format.bytes() * frames
     };
-    DECLARED.iter().map(of).sum::<u64>() + list_bytes(plan, role, size).iter().sum::<u64>()
+    DECLARED.iter().map(of).sum::<u64>()
+        + list_bytes(plan, role, size).iter().sum::<u64>()
+        + list_bytes(plan, role, size)[1]
 }
 
 impl View {
@@ -225,14 +281,84 @@ impl View {
                 None => resources.add(name, Resource::Image(image()?)),
             }
         }
-        let [list, tiles] = list_bytes(plan, role, size);
-        let arguments = gpu.buffer(&format!("{label} arguments"), 12 * 4)?;
+        let [list, tiles, aimed] = list_bytes(plan, role, size);
+        let arguments = gpu.buffer(&format!("{label} arguments"), 2 * ARGUMENTS)?;
+        let held_arguments = gpu.buffer(&format!("{label} held tile arguments"), 2 * ARGUMENTS)?;
+        let tile_arguments = gpu.buffer(&format!("{label} tile arguments"), 2 * ARGUMENTS)?;
+        let aimed_arguments = gpu.buffer(&format!("{label} aimed arguments"), 2 * ARGUMENTS)?;
+        let aimed = gpu.buffer(&format!("{label} aimed"), aimed)?;
         let data = gpu.buffer(&format!("{label} view"), size_of::<ViewData>() as u64)?;
         resources.add("list", Resource::Buffer(gpu.buffer(&format!("{label} list"), list)?));
+        resources.add("held_tiles", Resource::Buffer(gpu.buffer(&format!("{label} held tiles"), tiles)?));
         resources.add("tiles", Resource::Buffer(gpu.buffer(&format!("{label} tiles"), tiles)?));
+        resources.add("aimed", Resource::Buffer(aimed.clone()));
+        resources.add("aimed_arguments", Resource::Buffer(aimed_arguments.clone()));
+        resources.add("held_arguments", Resource::Buffer(held_arguments.clone()));
         resources.add("arguments", Resource::Buffer(arguments.clone()));
+        resources.add("tile_arguments", Resource::Buffer(tile_arguments.clone()));
         resources.add("view", Resource::Buffer(data.clone()));
-        Ok(Self { role, size, resources, data, arguments, history_reset: Some("first frame"), previous: None })
+        Ok(Self {
+            role,
+            size,
+            resources,
+            data,
+            arguments,
+            held_arguments,
+            tile_arguments,
+            aimed,
+            aimed_arguments,
+            history_reset: Some("first frame"),
+            previous: None,
+            shown: None,
+            still: 0,
+        })
+    }
+
+    /// Whether the previous frame showed the same.
+    pub fn shows(&self, shown: &Shown) -> bool {
+        self.shown.as_ref().is_some_and(|(known, _)| known == shown)
+    }
+
+    /// Whether `gbuffer` would make the images that are there.
+    pub fn keeps(&self, shown: &Shown) -> bool {
+        self.shown.as_ref().is_some_and(|(known, motionless)| *motionless && known == shown)
+    }
+
+    /// How many frames in a row, this one included, have shown the same as the one before, with its history.
+    pub fn still_frames(&self, shown: &Shown) -> u32 {
+        if self.shows(shown) && self.history_reset.is_none() { self.still + 1 } else { 0 }
+    }
+
+    /// Makes what the last frame wrote the history of the next. In a still picture the history is the same
+    /// image, which each pass changes in place, and what `gbuffer` need not write again stays where it is.
+    pub fn begin_frame(&mut self, shown: &Shown) {
+        if self.still_frames(shown) == 0 && !self.keeps(shown) {
+            self.resources.swap_history();
+        }
+    }
+
+    /// Takes down what a frame has shown.
+    pub fn end_frame(&mut self, viewpoint: Viewpoint, shown: Shown) {
+        self.still = self.still_frames(&shown);
+        let motionless = self.shows(&shown);
+        self.shown = Some((shown, motionless));
+        self.previous = Some(viewpoint);
+        self.history_reset = None;
+    }
+
+    /// Forgets what previous frames have shown.
+    pub fn forget(&mut self) {
+        (self.shown, self.previous) = (None, None);
+    }
+
+    /// The threads of a dispatch over the list of a layer's pixels.
+    pub fn listed(&self, layer: u32) -> Threads<'_> {
+        Threads::Indirect(&self.arguments, u64::from(layer) * ARGUMENTS)
+    }
+
+    /// The threads of a dispatch over the tiles in which a layer holds surfaces.
+    pub fn tiles(&self, layer: u32) -> Threads<'_> {
+        Threads::Indirect(&self.tile_arguments, u64::from(layer) * ARGUMENTS)
     }
 
     /// An image by name, as the current frame writes it.

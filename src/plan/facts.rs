@@ -4,7 +4,11 @@ use super::convex;
 use crate::{
     Result,
     options::RenderOptions,
-    panorama::{light::light_share, mapping::texel_direction, source::PanoramaFrame},
+    panorama::{
+        light::{light_share, mean_luminance},
+        mapping::texel_direction,
+        source::PanoramaFrame,
+    },
     scene::{
         Scene,
         bounds::Bounds,
@@ -33,6 +37,12 @@ pub const EVEN: f64 = 0.05 - 1e-4;
 /// What is known about a scene. What is uncertain counts as needed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
+    /// The projection of the picture.
+    pub projection: Projection,
+    /// The mean luminance of the panorama's first frame.
+    pub luminance: f32,
+    /// The brightest radiance that a material emits, without its texture.
+    pub brightest: f32,
     /// Width and height of the panorama's radiance, texels.
     pub color_size: [u32; 2],
     /// Width and height of the panorama's depth, texels.
@@ -86,6 +96,9 @@ impl Facts {
             (some > 0 && instances > 0).then(|| format!("{some} of {} materials", all.len()))
         };
         Ok(Self {
+            projection: options.projection,
+            luminance: mean_luminance(&first),
+            brightest: scene.packed.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max),
             color_size: first.color_size,
             depth_size: first.depth_size,
             video_frames: scene.panorama.frame_count(),

@@ -64,7 +64,8 @@ impl PartialEq for Plan {
     fn eq(&self, other: &Self) -> bool {
         let key = |plan: &Self| {
             let on: Vec<bool> = plan.parts.iter().map(|part| part.on).collect();
-            (on, plan.size, plan.looks_up(), plan.color_levels(), plan.facts.color_size, plan.facts.depth_size)
+            let Facts { projection, color_size, depth_size, .. } = plan.facts;
+            (on, plan.size, projection, plan.looks_up(), plan.color_levels(), color_size, depth_size)
         };
         // switches of parts have no effect besides the parts themselves
         let switches = |name: &str| Part::ALL.iter().any(|part| part.is_switch() && part.row().setting == name);
@@ -284,6 +285,14 @@ impl Plan {
     /// Whether anything needs the normals of real surfaces, and depth without its codes' steps.
     pub fn geometry(&self) -> bool {
         self.on(Part::Objects) || self.on(Part::OffCentre)
+    }
+
+    /// Whether not all rays from real surfaces that meet no object are traced.
+    pub fn roulette(&self) -> bool {
+        self.on(Part::Temporal)
+            && self.settings.least_share < 1.0
+            && self.settings.virtual_tracer == VirtualTracer::Bvh
+            && self.settings.real_tracer != RealTracer::Direction
     }
 
     /// Whether rays walk the pyramid of boxes.

@@ -1,6 +1,9 @@
 //! The triangles that shine, in a table from which one is drawn by area × luminance.
 
-use crate::scene::packed::{Instance, Light, PackedInstances, PackedScene};
+use crate::scene::{
+    bvh,
+    packed::{Instance, Light, NONE, PackedInstances, PackedScene},
+};
 use glam::{Vec3, vec3};
 
 /// All lights of a scene at one time.
@@ -51,18 +54,10 @@ fn area(scene: &PackedScene, instance: &Instance, triangle: u32) -> f64 {
 
 fn triangles_below(scene: &PackedScene, root: u32) -> Vec<u32> {
     let mut found = Vec::new();
-    let mut stack = vec![root];
-    while let Some(index) = stack.pop() {
-        let node = scene.nodes[index as usize];
-        for (child, count, empty) in [
-            (node.child0, node.count0, node.min0.x > node.max0.x),
-            (node.child1, node.count1, node.min1.x > node.max1.x),
-        ] {
-            if count > 0 {
-                found.extend(child..child + count);
-            } else if !empty {
-                stack.push(child);
-            }
+    for node in &scene.nodes[root as usize..] {
+        found.extend(bvh::leaf(node));
+        if node.leaf != 0 && node.next == NONE {
+            break; // the last of this tree
         }
     }
     found.sort_unstable();
@@ -87,16 +82,7 @@ mod tests {
                 .iter()
                 .map(|(_, radiance)| PackedMaterial { emissive: Vec3::splat(*radiance), ..Default::default() })
                 .collect(),
-            nodes: vec![BvhNode {
-                min0: Vec3::ZERO,
-                max0: Vec3::ONE,
-                child0: 0,
-                count0: count,
-                min1: Vec3::INFINITY,
-                max1: Vec3::NEG_INFINITY,
-                child1: u32::MAX,
-                count1: 0,
-            }],
+            nodes: vec![BvhNode { min: Vec3::ZERO, max: Vec3::ONE, leaf: count, next: u32::MAX }],
             ..Default::default()
         };
         let mut instance = Instance::default();

@@ -1,12 +1,13 @@
 //! Reads back the picture, its error, and any other image of a frame by name.
 
-use super::{Renderer, filtered, filtered_names};
+use super::{Renderer, filtered};
 use crate::{
     Error, Result,
     gpu::Image,
     passes::{
+        display::Values,
         resources::Resource,
-        view::{REAL, VIRTUAL, of_surfaces},
+        view::{REAL, VIRTUAL, is_packed, of_surfaces},
     },
     plan::Part,
 };
@@ -21,11 +22,17 @@ impl Renderer {
     /// luminance), over all real and virtual surfaces. 0 if nothing is accumulated.
     pub fn standard_error(&self) -> Result<f64> {
         let (mut variance, mut mean) = (0.0, 0.0);
-        for image in ["a", "b"].iter().filter_map(|name| self.picture.resources.image(name)) {
+        let resources = &self.picture.resources;
+        let Some(length) = resources.image("frames") else { return Ok(0.0) };
+        for image in ["a", "b"].iter().filter_map(|name| resources.image(name)) {
             for layer in 0..image.layers() {
-                for [r, g, b, v] in self.gpu.read_image(image, layer)? {
-                    variance += f64::from(v.max(0.0));
-                    mean += f64::from(0.2126 * r + 0.7152 * g + 0.0722 * b).abs();
+                let lengths = self.gpu.read_image(length, layer)?;
+                for ([r, g, b, moment], [frames, ..]) in self.gpu.read_image(image, layer)?.into_iter().zip(lengths) {
+                    let luminance = f64::from(0.2126 * r + 0.7152 * g + 0.0722 * b);
+                    if frames > 0.0 {
+                        variance += (f64::from(moment) - luminance * luminance).max(0.0) / f64::from(frames).max(1.0);
+                        mean += luminance.abs();
+                    }
                 }
             }
         }
@@ -36,12 +43,23 @@ impl Renderer {
     /// The names of all images that [`Renderer::aov`] returns.
     pub fn aov_names(&self) -> Vec<String> {
         let derived = DERIVED.iter().map(|(name, _)| (*name).to_owned());
+        derived.chain(self.stored().map(|(name, _)| name)).filter(|name| self.source(name).is_ok()).collect()
+    }
+
+    /// The names of what the images of the view hold: an image, one of its layers, or one of the two lights
+    /// that are packed in it.
+    fn stored(&self) -> impl Iterator<Item = (String, (&'static str, u32, Values))> {
         let images = self.picture.resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_)));
-        let names = images.flat_map(|(name, _)| match of_surfaces(name) {
-            true => LAYERS.map(|layer| format!("{name}_{layer}")).to_vec(),
-            false => vec![(*name).to_owned()],
-        });
-        derived.chain(names).filter(|name| self.source(name).is_ok()).collect()
+        // `position` and `normal` say what `guide` packs
+        images.filter(|(name, _)| *name != "guide").flat_map(|&(name, _)| {
+            let lights: &[_] =
+                if is_packed(name) { &[("_a", Values::A), ("_b", Values::B)] } else { &[("", Values::Floats)] };
+            let layers: &[_] = if of_surfaces(name) { &[("_real", REAL), ("_virtual", VIRTUAL)] } else { &[("", 0)] };
+            let named = |(light, values): (&str, Values), (suffix, layer): (&str, u32)| {
+                (format!("{name}{light}{suffix}"), (name, layer, values))
+            };
+            lights.iter().flat_map(|light| layers.iter().map(|layer| named(*light, *layer))).collect::<Vec<_>>()
+        })
     }
 
     /// Checks that [`Renderer::aov`] returns an image of this name.
@@ -56,16 +74,10 @@ impl Renderer {
     /// (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`,
     /// `object_id`, and `motion` and `position` of the surface that covers more of the pixel.
     pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
-        let (image, layer) = self.source(name)?;
-        let mut texels = self.gpu.read_image(image, layer)?;
+        let (image, layer, values) = self.source(name)?;
+        let mut texels = self.texels(image, layer, values)?;
         match name {
             "object_id" => texels.iter_mut().for_each(|t| *t = [t[3], t[3], t[3], 1.0]),
-            "irradiance_mixed" => {
-                let [_, change] = filtered(&self.picture, &self.plan.settings)?;
-                for (t, c) in texels.iter_mut().zip(self.gpu.read_image(change, REAL)?) {
-                    *t = [t[0] + c[0], t[1] + c[1], t[2] + c[2], 1.0];
-                }
-            }
             "motion" | "position" if image.layers() > 1 => {
                 let objects = self.gpu.read_image(image, VIRTUAL)?;
                 let coverage: Vec<[f32; 4]> = self.gpu.read_image(self.picture.image("real_coverage")?, 0)?;
@@ -75,15 +87,40 @@ impl Renderer {
                     }
                 }
             }
-            "motion" | "position" => {}
-            _ if DERIVED.iter().any(|(derived, _)| *derived == name) => texels.iter_mut().for_each(|t| t[3] = 1.0),
             _ => {}
         }
         Ok(texels)
     }
 
-    /// The image with the values of this name, and its layer.
-    pub(super) fn source(&self, name: &str) -> Result<(&Image, u32)> {
+    fn texels(&self, image: &Image, layer: u32, values: Values) -> Result<Vec<[f32; 4]>> {
+        let [a, b] = self.light_scales(layer);
+        let light = |texel: [f32; 8]| {
+            let rgb: [f32; 3] = std::array::from_fn(|i| match values {
+                Values::A => a * texel[i],
+                Values::B => b * texel[3 + i],
+                _ => a * texel[i] + b * texel[3 + i],
+            });
+            [rgb[0], rgb[1], rgb[2], 1.0]
+        };
+        if values == Values::Floats {
+            let mut texels = self.gpu.read_image(image, layer)?;
+            let is = |name| self.picture.resources.image(name).is_some_and(|named| named.same(image));
+            if let Some(scale) = is("a").then_some(a).or_else(|| is("b").then_some(b)) {
+                texels.iter_mut().for_each(|t| *t = [t[0] * scale, t[1] * scale, t[2] * scale, 1.0]);
+            }
+            return Ok(texels);
+        }
+        Ok(self.gpu.read_halves(image, layer)?.into_iter().map(light).collect())
+    }
+
+    /// The factors that turn a and b of a layer, as images hold them, into W/m² up to the capture's scale.
+    pub(super) fn light_scales(&self, layer: u32) -> [f32; 2] {
+        let [real, change] = self.light_units().map(f32::recip);
+        [if layer == REAL { real } else { change }, change]
+    }
+
+    /// The image with the values of this name, its layer, and how it holds them.
+    pub(super) fn source(&self, name: &str) -> Result<(&Image, u32, Values)> {
         let resources = &self.picture.resources;
         let left_out = |part: Part| {
             let problem = format!("\"{name}\" is left out: {}", self.plan.reason(part));
@@ -91,61 +128,51 @@ impl Renderer {
             let set: Vec<_> = set.iter().map(|(setting, value)| format!("--set {setting}={value}")).collect();
             Error::input("--aov", problem, format!("leave it out, or add {}", set.join(" ")))
         };
-        let layer = |image: &'static str, layer: u32| match resources.image(image) {
-            Some(found) if layer < found.layers() => Ok((found, layer)),
-            None => Err(left_out(resources.absent(image).unwrap_or(Part::Objects))),
-            Some(_) if self.plan.on(Part::VirtualSurfaces) => Err(left_out(Part::Specular)),
-            Some(_) => Err(left_out(Part::VirtualSurfaces)),
+        let derived = DERIVED.iter().find(|(derived, _)| *derived == name).map(|(_, from)| match *from {
+            Derived::Light(layer, values) => (filtered(&self.plan.settings), layer, values),
+            Derived::Id => ("motion", VIRTUAL, Values::Floats),
+            Derived::Seen(image) => (image, REAL, Values::Floats),
+        });
+        let stored = || self.stored().find(|(stored, _)| stored == name).map(|(_, from)| from);
+        let Some((image, layer, values)) = derived.or_else(stored) else {
+            return Err(Error::input(
+                "--aov",
+                format!("there is no image \"{name}\""),
+                format!("choose from all, {}", self.aov_names().join(", ")),
+            ));
         };
-        if let Some((_, from)) = DERIVED.iter().find(|(derived, _)| *derived == name) {
-            let (at, b) = match from {
-                Derived::A(at) => (*at, false),
-                Derived::B(at) => (*at, true),
-                Derived::Id => return layer("motion", VIRTUAL),
-                Derived::Seen(image) => return layer(image, REAL),
-            };
-            if !self.plan.on(Part::Objects) {
-                return Err(left_out(Part::Objects));
-            }
-            return layer(filtered_names(&self.plan.settings)[usize::from(b)], at);
+        if derived.is_some() && !self.plan.on(Part::Objects) {
+            return Err(left_out(Part::Objects));
         }
-        for (known, _) in resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_))) {
-            if !of_surfaces(known) {
-                if *known == name {
-                    return layer(known, 0);
-                }
-            } else if let Some(suffix) = name.strip_prefix(known).and_then(|rest| rest.strip_prefix('_'))
-                && let Some(at) = LAYERS.iter().position(|layer| *layer == suffix)
-            {
-                return layer(known, at as u32);
-            }
+        if layer == VIRTUAL && !self.plan.on(Part::VirtualSurfaces) {
+            return Err(left_out(Part::VirtualSurfaces));
         }
-        Err(Error::input(
-            "--aov",
-            format!("there is no image \"{name}\""),
-            format!("choose from all, {}", self.aov_names().join(", ")),
-        ))
+        let lobe = layer == VIRTUAL && (values == Values::B || image == "b");
+        if lobe && !self.plan.on(Part::Specular) {
+            return Err(left_out(Part::Specular));
+        }
+        match resources.image(image) {
+            Some(found) => Ok((found, layer, values)),
+            None => Err(left_out(resources.absent(image).unwrap_or(Part::Objects))),
+        }
     }
 }
 
-/// The source of a derived image: a layer of a or b, the ids, or the surface that covers more of a pixel.
+/// The source of a derived image: filtered light of a layer, the ids, or the surface that covers more of a
+/// pixel.
 enum Derived {
-    A(u32),
-    B(u32),
+    Light(u32, Values),
     Id,
     Seen(&'static str),
 }
 
 /// Images that are computed when they are read.
 const DERIVED: [(&str, Derived); 7] = [
-    ("irradiance_real", Derived::A(REAL)),
-    ("irradiance_mixed", Derived::A(REAL)),
-    ("irradiance_virtual", Derived::A(VIRTUAL)),
-    ("radiance_specular", Derived::B(VIRTUAL)),
+    ("irradiance_real", Derived::Light(REAL, Values::A)),
+    ("irradiance_mixed", Derived::Light(REAL, Values::Sum)),
+    ("irradiance_virtual", Derived::Light(VIRTUAL, Values::A)),
+    ("radiance_specular", Derived::Light(VIRTUAL, Values::B)),
     ("object_id", Derived::Id),
     ("motion", Derived::Seen("motion")),
     ("position", Derived::Seen("position")),
 ];
-
-/// The two layers of per-surface images.
-const LAYERS: [&str; 2] = ["real", "virtual"];

@@ -1,26 +1,15 @@
 //! What a window needs besides frames: other sizes, a fresh start, and images to show from the device.
 
-use super::{Renderer, filtered};
+use super::Renderer;
 use crate::{
     Error, Result,
     gpu::Image,
     passes::{
+        display::Source,
         unknown::Unknown,
         view::{Role, View},
     },
 };
-
-/// Where the values of an AOV are on the device.
-#[derive(Clone, Debug)]
-pub struct Source<'a> {
-    pub image: &'a Image,
-    /// Its layer.
-    pub layer: u32,
-    /// An image to add to it, from the same layer.
-    pub plus: Option<&'a Image>,
-    /// The one channel to show, or all for `None`.
-    pub channel: Option<usize>,
-}
 
 /// How many views of other sizes are kept.
 const SPARE: usize = 2;
@@ -74,7 +63,7 @@ impl Renderer {
     pub fn restart(&mut self) {
         self.reset_history("a fresh start");
         for view in std::iter::once(&mut self.picture).chain(&mut self.relight) {
-            view.previous = None;
+            view.forget();
         }
         self.previous_time = None;
         self.previous_objects.clear();
@@ -86,8 +75,13 @@ impl Renderer {
     /// # Errors
     /// Fails if there is no such image.
     pub fn shown(&self, name: &str) -> Result<Source<'_>> {
-        let (image, layer) = self.source(name)?;
-        let plus = (name == "irradiance_mixed").then(|| filtered(&self.picture, &self.plan.settings)).transpose()?;
-        Ok(Source { image, layer, plus: plus.map(|[_, change]| change), channel: (name == "object_id").then_some(3) })
+        let (image, layer, values) = self.source(name)?;
+        Ok(Source {
+            image,
+            layer,
+            values,
+            scales: self.light_scales(layer),
+            channel: (name == "object_id").then_some(3),
+        })
     }
 }

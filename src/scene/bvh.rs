@@ -1,33 +1,19 @@
 //! Bounding volume hierarchies: bottom levels over triangles (built once), the top level over instances
 //! (every frame).
 //!
-//! The shader walks both with one stack of [`STACK`] entries and pushes at most one entry a node. The depths
-//! of both (inner nodes on the longest path) together therefore never exceed it.
+//! Shaders walk both without a stack: see [`BvhNode`].
 
 use super::{
     bounds::Bounds,
     packed::{BvhNode, NONE, PackedInstances, PackedScene},
 };
 use crate::{Error, Result};
-use glam::Vec3;
 use obvhs::{bvh2::leaf_collapser::collapse, bvh2::reinsertion::ReinsertionOptimizer, ploc::PlocBuilder};
 
-/// Entries of the traversal stack in `shaders/glsl`.
-pub const STACK: u32 = 48;
-/// No bottom level is deeper, even with few instances.
-pub const MAX_BOTTOM_DEPTH: u32 = 40;
 /// The most triangles of a leaf.
 pub const MAX_LEAF: u32 = 4;
-
-/// Returns the greatest depth of a top level over this many instances.
-pub fn top_depth(instances: usize) -> u32 {
-    instances.next_power_of_two().trailing_zeros().max(1)
-}
-
-/// Returns how deep a bottom level may be under a top level over this many instances.
-pub fn bottom_depth_limit(instances: usize) -> u32 {
-    MAX_BOTTOM_DEPTH.min(STACK.saturating_sub(top_depth(instances)))
-}
+/// No tree that the surface-area heuristic makes is deeper.
+const MAX_DEPTH: u32 = 40;
 
 /// A binary tree over boxes. Node 0 is its root, and children come after their parent.
 #[derive(Clone, Debug)]
@@ -46,24 +32,16 @@ struct TreeNode {
     count: u32,
 }
 
-/// Builds a tree over triangle boxes for tracing, with leaves of at most [`MAX_LEAF`] and no deeper than
-/// `max_depth`.
-///
-/// The tree is obvhs' (PLOC with reinsertion) unless that is too deep. Then the surface-area heuristic runs
-/// under a depth limit.
-pub fn build_bottom(boxes: &[Bounds], max_depth: u32) -> Tree {
-    if boxes.len() > MAX_LEAF as usize
-        && let Some(tree) = build_obvhs(boxes)
-        && tree.depth() <= max_depth
-    {
-        return tree;
-    }
-    build_sweep(boxes, MAX_LEAF, max_depth)
+/// Builds a tree over triangle boxes for tracing, with leaves of at most [`MAX_LEAF`]: obvhs' (PLOC with
+/// reinsertion), or for a few boxes one by the surface-area heuristic.
+pub fn build_bottom(boxes: &[Bounds]) -> Tree {
+    let large = boxes.len() > MAX_LEAF as usize;
+    large.then(|| build_obvhs(boxes)).flatten().unwrap_or_else(|| build_sweep(boxes, MAX_LEAF))
 }
 
-/// Builds a tree over instance boxes, with leaves of one and no deeper than [`top_depth`] of their number.
+/// Builds a tree over instance boxes, with leaves of one.
 pub fn build_top(boxes: &[Bounds]) -> Tree {
-    build_sweep(boxes, 1, top_depth(boxes.len()))
+    build_sweep(boxes, 1)
 }
 
 fn build_obvhs(boxes: &[Bounds]) -> Option<Tree> {
@@ -116,13 +94,13 @@ fn build_obvhs(boxes: &[Bounds]) -> Option<Tree> {
 
 /// Splits by the surface-area heuristic, sorted along each axis. A split is never so uneven that the rest
 /// would not fit into the depth that is left.
-fn build_sweep(boxes: &[Bounds], max_leaf: u32, max_depth: u32) -> Tree {
+fn build_sweep(boxes: &[Bounds], max_leaf: u32) -> Tree {
     let mut tree = Tree { nodes: Vec::new(), order: (0..boxes.len() as u32).collect() };
     if boxes.is_empty() {
         return tree;
     }
     let mut order = std::mem::take(&mut tree.order);
-    split(&mut tree, boxes, &mut order, 0, max_leaf, max_depth);
+    split(&mut tree, boxes, &mut order, 0, max_leaf, MAX_DEPTH);
     tree.order = order;
     tree.refit(boxes);
     tree
@@ -186,118 +164,99 @@ impl Tree {
         self.nodes.first().map_or(Bounds::EMPTY, |root| root.bounds)
     }
 
-    /// Returns the number of inner nodes on the longest path. A lone leaf counts 1, because it is packed into
-    /// a node.
-    pub fn depth(&self) -> u32 {
-        let mut depths = vec![0; self.nodes.len()];
-        for (index, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.count == 0) {
-            let below = depths[index] + 1;
-            depths[node.first as usize] = below;
-            depths[node.second as usize] = below;
-        }
-        depths.into_iter().max().unwrap_or(0).max(1)
-    }
-
-    /// Returns the nodes for the GPU, the root first; nothing if the tree is empty. Inner children become
-    /// `first_node` plus their place in the result. Leaves hold `leaf(first of the run in order)`.
+    /// Returns the nodes for the GPU, the root first; nothing if the tree is empty. They begin at the index
+    /// `first_node`. Leaves hold `leaf(first of the run in order)`.
     pub fn pack(&self, first_node: u32, leaf: impl Fn(u32) -> u32) -> Vec<BvhNode> {
-        let mut packed_index = vec![NONE; self.nodes.len()];
-        let inner = (0..self.nodes.len()).filter(|index| self.nodes[*index].count == 0);
-        for (index, packed) in inner.zip(first_node..) {
-            packed_index[index] = packed;
+        let mut next = vec![NONE; self.nodes.len()];
+        let pack = |(index, node): (usize, &TreeNode)| {
+            if node.count == 0 {
+                next[node.first as usize] = first_node + node.second;
+                next[node.second as usize] = next[index];
+            }
+            let Bounds { min, max } = node.bounds.padded();
+            let leaf = if node.count > 0 { leaf(node.first) << 3 | node.count } else { 0 };
+            BvhNode { min, leaf, max, next: next[index] }
+        };
+        self.nodes.iter().enumerate().map(pack).collect()
+    }
+}
+
+/// The run of triangles, or the instance, that a leaf holds. Empty in an inner node.
+pub fn leaf(node: &BvhNode) -> std::ops::Range<u32> {
+    node.leaf >> 3..(node.leaf >> 3) + (node.leaf & 7)
+}
+
+/// Checks the tree from `root` on. All boxes are inside those above them. Returns its leaves, and the index
+/// behind its last node.
+fn check_tree(nodes: &[BvhNode], root: u32) -> Result<(Vec<BvhNode>, u32)> {
+    let broken = |what: String| Err(Error::Internal(format!("broken BVH: {what}")));
+    let (mut index, mut leaves) = (root, Vec::new());
+    // What is open: the box, and the node behind all that is within.
+    let mut around: Vec<(Bounds, u32)> = Vec::new();
+    loop {
+        let Some(node) = nodes.get(index as usize) else {
+            return broken(format!("node {index} is not there"));
+        };
+        while around.last().is_some_and(|(_, next)| *next == index) {
+            around.pop();
         }
-        let side = |index: u32| {
-            let node = &self.nodes[index as usize];
-            let child = if node.count > 0 { leaf(node.first) } else { packed_index[index as usize] };
-            (node.bounds.padded(), child, node.count)
-        };
-        let node = |(b0, child0, count0): (Bounds, u32, u32), (b1, child1, count1): (Bounds, u32, u32)| BvhNode {
-            min0: b0.min,
-            child0,
-            max0: b0.max,
-            count0,
-            min1: b1.min,
-            child1,
-            max1: b1.max,
-            count1,
-        };
-        match self.nodes.first() {
-            None => Vec::new(),
-            Some(root) if root.count > 0 => vec![node(side(0), (Bounds::EMPTY, NONE, 0))],
-            Some(_) => {
-                let inner = self.nodes.iter().filter(|node| node.count == 0);
-                inner.map(|inner| node(side(inner.first), side(inner.second))).collect()
+        let bounds = Bounds { min: node.min, max: node.max };
+        if let Some((outer, next)) = around.last() {
+            if !outer.contains(&bounds) {
+                return broken(format!("node {index} is outside the box around it"));
+            }
+            if node.next > *next {
+                return broken(format!("node {index} goes on to node {}, past the one around it", node.next));
             }
         }
+        if node.next != NONE && node.next as usize >= nodes.len() {
+            return broken(format!("node {index} goes on to node {}, which is not there", node.next));
+        }
+        if node.next != NONE && node.next <= index {
+            return broken(format!("node {index} goes back to node {}", node.next));
+        }
+        if node.leaf == 0 {
+            around.push((bounds, node.next));
+        } else {
+            leaves.push(*node);
+            if node.next == NONE {
+                return Ok((leaves, index + 1));
+            }
+            if node.next != index + 1 {
+                return broken(format!("leaf {index} goes on to node {}", node.next));
+            }
+        }
+        index += 1;
     }
 }
 
-/// Returns the two children of a node: box, child, count.
-pub fn sides(node: &BvhNode) -> [(Bounds, u32, u32); 2] {
-    [
-        (Bounds { min: node.min0, max: node.max0 }, node.child0, node.count0),
-        (Bounds { min: node.min1, max: node.max1 }, node.child1, node.count1),
-    ]
-}
-
-/// Checks the bottom levels. Every node has at most one parent. Every triangle is in exactly one leaf and
-/// inside all boxes above it. No path is longer than [`MAX_BOTTOM_DEPTH`]. All indices exist.
+/// Checks the bottom levels. Every triangle is in exactly one leaf and inside its box, and every box inside
+/// those above it.
 ///
 /// # Errors
 /// Fails with [`Error::Internal`] if something is broken, and says what.
 pub fn check(scene: &PackedScene) -> Result<()> {
     let broken = |what: String| Err(Error::Internal(format!("broken BVH: {what}")));
-    let mut parents = vec![0_u32; scene.nodes.len()];
-    for (index, node) in scene.nodes.iter().enumerate() {
-        for (_, child, count) in sides(node) {
-            if count == 0 && child != NONE {
-                match parents.get_mut(child as usize) {
-                    Some(parents) => *parents += 1,
-                    None => return broken(format!("node {index} names node {child}, which is not there")),
-                }
-            }
-        }
-    }
     let mut seen = vec![0_u32; scene.triangles.len()];
-    let mut visited = 0;
-    for root in (0..scene.nodes.len()).filter(|node| parents[*node] == 0) {
-        let everywhere = Bounds { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
-        let mut stack = vec![(root as u32, everywhere, 1)];
-        while let Some((index, around, depth)) = stack.pop() {
-            visited += 1;
-            if depth > MAX_BOTTOM_DEPTH {
-                return broken(format!("node {index} is {depth} deep"));
+    let mut root = 0;
+    while (root as usize) < scene.nodes.len() {
+        let (leaves, end) = check_tree(&scene.nodes, root)?;
+        for node in leaves {
+            if leaf(&node).len() as u32 > MAX_LEAF {
+                return broken(format!("a leaf of {}", leaf(&node).len()));
             }
-            for (bounds, child, count) in sides(&scene.nodes[index as usize]) {
-                if child == NONE && count == 0 {
-                    continue;
-                }
-                if !around.contains(&bounds) {
-                    return broken(format!("node {index} has a child outside its box"));
-                }
-                if count == 0 {
-                    stack.push((child, bounds, depth + 1));
-                    continue;
-                }
-                if count > MAX_LEAF {
-                    return broken(format!("node {index} has a leaf of {count}"));
-                }
-                for triangle in child..child.saturating_add(count) {
-                    let Some(geometry) = scene.triangles.get(triangle as usize) else {
-                        return broken(format!("node {index} names triangle {triangle}, which is not there"));
-                    };
-                    seen[triangle as usize] += 1;
-                    let corners = [geometry.v0, geometry.v0 + geometry.e1, geometry.v0 + geometry.e2];
-                    if !bounds.contains(&Bounds::of(corners)) {
-                        return broken(format!("triangle {triangle} is outside the box of its leaf"));
-                    }
+            for triangle in leaf(&node) {
+                let Some(geometry) = scene.triangles.get(triangle as usize) else {
+                    return broken(format!("triangle {triangle} is not there"));
+                };
+                seen[triangle as usize] += 1;
+                let corners = [geometry.v0, geometry.v0 + geometry.e1, geometry.v0 + geometry.e2];
+                if !(Bounds { min: node.min, max: node.max }).contains(&Bounds::of(corners)) {
+                    return broken(format!("triangle {triangle} is outside the box of its leaf"));
                 }
             }
         }
-    }
-    // A cycle has no root, and a node with two parents is visited twice.
-    if visited != scene.nodes.len() || parents.iter().any(|parents| *parents > 1) {
-        return broken("its nodes are not trees".into());
+        root = end;
     }
     match seen.iter().position(|count| *count != 1) {
         Some(triangle) => broken(format!("triangle {triangle} is in {} leaves", seen[triangle])),
@@ -305,28 +264,23 @@ pub fn check(scene: &PackedScene) -> Result<()> {
     }
 }
 
-/// Checks the top level. Every instance is in exactly one leaf, and roots and child indices exist.
+/// Checks the top level. Every instance is in exactly one leaf, and its bottom level exists.
 ///
 /// # Errors
 /// Fails with [`Error::Internal`] if something is broken, and says what.
 pub fn check_top(scene: &PackedScene, frame: &PackedInstances) -> Result<()> {
     let broken = |what: String| Err(Error::Internal(format!("broken top-level BVH: {what}")));
     let mut seen = vec![0_u32; frame.instances.len()];
-    let mut stack: Vec<(u32, u32)> = if frame.nodes.is_empty() { vec![] } else { vec![(0, 1)] };
-    while let Some((index, depth)) = stack.pop() {
-        let Some(node) = frame.nodes.get(index as usize) else {
-            return broken(format!("no node {index}"));
-        };
-        if depth > top_depth(frame.instances.len()) {
-            return broken(format!("node {index} is {depth} deep"));
-        }
-        for (_, child, count) in sides(node) {
-            match (child, count) {
-                (NONE, 0) => {}
-                (_, 0) => stack.push((child, depth + 1)),
-                (_, 1) if (child as usize) < seen.len() => seen[child as usize] += 1,
-                _ => return broken(format!("node {index} has a leaf of {count} from {child}")),
+    if !frame.nodes.is_empty() {
+        let (leaves, end) = check_tree(&frame.nodes, 0)?;
+        for node in leaves {
+            match seen.get_mut((node.leaf >> 3) as usize) {
+                Some(count) if node.leaf & 7 == 1 => *count += 1,
+                _ => return broken(format!("a leaf of {:?}", leaf(&node))),
             }
+        }
+        if end as usize != frame.nodes.len() {
+            return broken(format!("{} nodes, but {end} in the tree", frame.nodes.len()));
         }
     }
     if let Some(index) = seen.iter().position(|count| *count != 1) {

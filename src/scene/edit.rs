@@ -3,7 +3,8 @@
 
 use super::{
     animation::{Lerp, Placement, Track, Transform},
-    packed::{BvhNode, NONE},
+    bvh,
+    packed::NONE,
     state::{self, Object, Scene},
 };
 use crate::Result;
@@ -100,30 +101,26 @@ impl Scene {
             leave >= enter.max(0.0) && enter < most
         };
         let (mut best, mut found) = (most, None);
-        let mut stack = vec![root];
-        while let Some(node) = stack.pop() {
-            let BvhNode { min0, max0, child0, count0, min1, max1, child1, count1 } = self.packed.nodes[node as usize];
-            for (low, high, child, count) in [(min0, max0, child0, count0), (min1, max1, child1, count1)] {
-                if child == NONE || !meets(low, high, best) {
+        let mut at = root;
+        while at != NONE {
+            let node = &self.packed.nodes[at as usize];
+            if !meets(node.min, node.max, best) {
+                at = node.next;
+                continue;
+            }
+            for triangle in bvh::leaf(node).map(|triangle| &self.packed.triangles[triangle as usize]) {
+                // The equation is o + t·d = v0 + u·e1 + v·e2.
+                let system = Mat3A::from_cols((-d).into(), triangle.e1.into(), triangle.e2.into());
+                if system.determinant().abs() < 1e-20 {
                     continue;
                 }
-                if count == 0 {
-                    stack.push(child);
-                    continue;
-                }
-                for triangle in &self.packed.triangles[child as usize..(child + count) as usize] {
-                    // The equation is o + t·d = v0 + u·e1 + v·e2.
-                    let system = Mat3A::from_cols((-d).into(), triangle.e1.into(), triangle.e2.into());
-                    if system.determinant().abs() < 1e-20 {
-                        continue;
-                    }
-                    let solved = system.inverse() * Vec3A::from(o - triangle.v0);
-                    let (t, u, v) = (solved.x, solved.y, solved.z);
-                    if t > 0.0 && t < best && u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
-                        (best, found) = (t, Some(t));
-                    }
+                let solved = system.inverse() * Vec3A::from(o - triangle.v0);
+                let (t, u, v) = (solved.x, solved.y, solved.z);
+                if t > 0.0 && t < best && u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
+                    (best, found) = (t, Some(t));
                 }
             }
+            at = if node.leaf == 0 { at + 1 } else { node.next };
         }
         found
     }

@@ -35,15 +35,14 @@ pub struct Packed {
     pub warnings: Vec<String>,
 }
 
-/// Packs models that are placed `instances` times in all.
+/// Packs models.
 ///
 /// # Errors
 /// Fails if a model does not fit, or if its numbers cannot be used.
-pub fn pack(models: &[&Model], instances: usize) -> Result<Packed> {
+pub fn pack(models: &[&Model]) -> Result<Packed> {
     let mut packed = Packed::default();
     let first_levels = fit_textures(models, &mut packed.warnings);
     let mut first_levels = first_levels.into_iter();
-    let depth_limit = bvh::bottom_depth_limit(instances);
     for model in models {
         let scene = &mut packed.scene;
         let first_texture = scene.textures.len() as u32;
@@ -67,7 +66,7 @@ pub fn pack(models: &[&Model], instances: usize) -> Result<Packed> {
         let mut meshes = Vec::new();
         for mesh in &model.meshes {
             check_mesh(mesh, model)?;
-            let (mesh, dropped) = pack_mesh(scene, mesh, first_material, depth_limit);
+            let (mesh, dropped) = pack_mesh(scene, mesh, first_material);
             meshes.push(mesh);
             if dropped > 0 {
                 packed.warnings.push(format!("{}: {dropped} triangles without area were left out", model.name));
@@ -121,12 +120,7 @@ fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
     Ok(())
 }
 
-fn pack_mesh(
-    scene: &mut PackedScene,
-    mesh: &Mesh,
-    first_material: u32,
-    depth_limit: u32,
-) -> (Option<PackedMesh>, usize) {
+fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Option<PackedMesh>, usize) {
     let corners = |triangle: &[u32; 3]| triangle.map(|index| mesh.positions[index as usize]);
     let kept: Vec<usize> = (0..mesh.triangles.len())
         .filter(|index| {
@@ -149,7 +143,7 @@ fn pack_mesh(
             Bounds::of([g.v0, g.v0 + g.e1, g.v0 + g.e2])
         })
         .collect();
-    let tree = bvh::build_bottom(&boxes, depth_limit);
+    let tree = bvh::build_bottom(&boxes);
 
     let (first_vertex, first_triangle) = (scene.vertices.len() as u32, scene.triangles.len() as u32);
     for (index, normal) in mesh.normals.iter().enumerate() {

@@ -21,13 +21,16 @@ gpu_struct! {
     pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: [f32; 4] }
 }
 gpu_struct! {
-    /// A node of a binary BVH. It holds both children's boxes. With `count == 0`, `child` is a node (absolute
-    /// index), or [`NONE`] with an inverted box (min = +inf, max = -inf) if there is no such child. With
-    /// `count > 0` it is a leaf, and `child` is the first triangle (bottom level) or the instance (top level,
-    /// count 1).
+    /// A node of a BVH, in depth-first order, so that a walk needs no stack: a ray that meets the box goes on
+    /// to the node behind, and one that misses it to `next`, past all that is within.
     pub struct BvhNode {
-        pub min0: Vec3, pub child0: u32, pub max0: Vec3, pub count0: u32,
-        pub min1: Vec3, pub child1: u32, pub max1: Vec3, pub count1: u32,
+        pub min: Vec3,
+        /// Of a leaf, the first triangle (bottom level) or the instance (top level) times 8, plus how many
+        /// there are; 0 in an inner node.
+        pub leaf: u32,
+        pub max: Vec3,
+        /// The absolute index of the node behind all that is within, or [`NONE`] at the end of the tree.
+        pub next: u32,
     }
 }
 gpu_struct! {
@@ -107,8 +110,8 @@ pub struct PackedScene {
     pub texels: Vec<u32>,
 }
 
-/// What changes from frame to frame: the instances and the top-level BVH over them. Node 0 is its root, and
-/// it is empty without instances. `child` of top-level inner nodes is an index into `nodes` here.
+/// What changes from frame to frame: the instances and the top-level BVH over them, which is empty without
+/// instances.
 #[derive(Clone, Debug, Default)]
 pub struct PackedInstances {
     pub instances: Vec<Instance>,

@@ -126,9 +126,7 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
             })
         })
         .collect();
-    let meshes_in = |object: &Object| object.model.rig.nodes.iter().filter(|node| node.mesh.is_some()).count();
-    let count = objects.iter().map(meshes_in).sum();
-    let packed = pack(&models.iter().map(|model| model.as_ref()).collect::<Vec<_>>(), count)?;
+    let packed = pack(&models.iter().map(|model| model.as_ref()).collect::<Vec<_>>())?;
     let mut next_id = 1;
     let mut placed = Vec::new();
     for (object, model) in objects.iter().zip(model_of) {

@@ -4,14 +4,15 @@
 use super::state::{Compare, RenderedPicture, Side, Wanted};
 use crate::{
     Error, Result,
-    gpu::{FrameOptions, Gpu, Image, Pieces, Timings},
+    gpu::{FrameOptions, Gpu, Image, Pieces, Ticket, Timings},
     options::RenderOptions,
     passes::display::{Display, Input, Meaning},
     plan::Plan,
-    renderer::{Renderer, Wishes},
+    renderer::{Begun, Renderer, Wishes},
     scene::{Scene, packed::PackedScene, viewpoint::Projection},
 };
 use std::{
+    collections::VecDeque,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -72,9 +73,27 @@ pub struct Painter {
     stale: bool,
     /// Whether all frames since the last fresh start had the full size and all passes.
     pure: bool,
+    /// Frames that the device has and that are not collected.
+    in_flight: VecDeque<InFlight>,
+    /// When the last frame was collected.
+    ended: Option<Instant>,
+    /// The last picture that was made for the window.
+    displayed: Option<Ticket>,
     images: Vec<Image>,
     /// Whether the renderer shows the real scene alone, until the renderer that was asked for is made.
     preview: bool,
+}
+
+/// A frame that was begun.
+struct InFlight {
+    begun: Begun,
+    start: Instant,
+    size: [u32; 2],
+    /// Whether it is the first frame of a new renderer.
+    built: bool,
+    /// Whether it was submitted in pieces, which are timed by the clock.
+    by_clock: bool,
+    hold_relight: bool,
 }
 
 /// A model of the time that a frame takes: a constant part, and a part for each pixel, milliseconds.
@@ -131,6 +150,9 @@ impl Painter {
             by_clock: false,
             stale: false,
             pure: false,
+            in_flight: VecDeque::new(),
+            ended: None,
+            displayed: None,
             images: Vec::new(),
             preview: false,
         }
@@ -210,6 +232,7 @@ impl Painter {
             self.frames = 0;
         }
         if self.frames >= side.enough() {
+            self.collect(0)?;
             return Ok(false);
         }
         self.view = Some(wanted.clone());
@@ -218,27 +241,48 @@ impl Painter {
         let wishes = Wishes { hold_relight, submission: FrameOptions { pieces, ..FrameOptions::default() } };
         let start = Instant::now();
         let begun = renderer.begin(scene, wanted.time, &wishes);
-        let timings = match begun.and_then(|begun| renderer.collect(begun)) {
-            Ok(timings) => timings,
-            Err(error) => {
+        let collected = begun.and_then(|begun| {
+            self.in_flight.push_back(InFlight { begun, start, size, built, by_clock, hold_relight });
+            // While something moves, the newest picture counts. Afterwards the device always has a next frame,
+            // unless frames are submitted in pieces: those have run by now.
+            self.collect(if pace == Pace::Quick || by_clock { 0 } else { 1 })
+        });
+        if let Err(error) = collected {
+            if let Some(renderer) = &mut self.renderer {
                 renderer.restart();
-                self.frames = 0;
-                self.view = None;
-                return Err(error);
             }
-        };
-        self.frame_ms = start.elapsed().as_secs_f64() * 1e3;
-        (self.by_clock, self.held_relight) = (by_clock, hold_relight);
-        // The first frame compiles shaders and prepares the panorama, so its time does not count.
-        if built {
-            tracing::debug!("its first frame of {size:?}, {:.2} s", self.frame_ms * 1e-3);
-        } else {
-            self.cost.learn(timings.gpu_ms, timings.pass("relight").unwrap_or_default(), size);
+            self.frames = 0;
+            self.view = None;
+            return Err(error);
         }
-        self.timings = Arc::new(timings);
         self.frames += 1;
         self.reached = Some(pace);
         Ok(true)
+    }
+
+    /// Waits for frames until at most so many are in flight.
+    fn collect(&mut self, most: usize) -> Result<()> {
+        let Some(renderer) = &mut self.renderer else { return Ok(()) };
+        while self.in_flight.len() > most {
+            let Some(InFlight { begun, start, size, built, by_clock, hold_relight }) = self.in_flight.pop_front()
+            else {
+                break;
+            };
+            let timings = renderer.collect(begun)?;
+            (self.by_clock, self.held_relight) = (by_clock, hold_relight);
+            // A frame that was begun before the last one ended had to wait for that.
+            let start = self.ended.filter(|ended| *ended > start).unwrap_or(start);
+            self.ended = Some(Instant::now());
+            self.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+            // The first frame compiles shaders and prepares the panorama, so its time does not count.
+            if built {
+                tracing::debug!("its first frame of {size:?}, {:.2} s", self.frame_ms * 1e-3);
+            } else {
+                self.cost.learn(timings.gpu_ms, timings.pass("relight").unwrap_or_default(), size);
+            }
+            self.timings = Arc::new(timings);
+        }
+        Ok(())
     }
 
     /// Shows the panorama without objects. It takes few pipelines and little time, so it is seen at once,
@@ -267,11 +311,13 @@ impl Painter {
     /// Paints with another renderer from now on, and accumulates anew.
     #[cfg(debug_assertions)]
     pub fn replace(&mut self, renderer: Option<Renderer>) {
+        self.in_flight.clear();
         self.renderer = renderer;
         (self.view, self.reached, self.frames) = (None, None, 0);
     }
 
     fn rebuild(&mut self, wanted: &Wanted, side: &Side, size: [u32; 2]) -> Result<()> {
+        self.in_flight.clear();
         self.renderer = None;
         self.made_for = None;
         let options = options(size, side, false);
@@ -300,10 +346,8 @@ impl Painter {
         let source = renderer.shown(if known { name } else { "radiance" })?;
         let panorama = &wanted.scene.panorama;
         let input = Input {
-            image: source.image,
-            layer: source.layer,
-            other: other.or(source.plus),
-            channel: source.channel,
+            source,
+            other,
             look: if other.is_some() { Meaning::Difference } else { Meaning::of(name) },
             exposure: wanted.exposure,
             raised: [panorama.inverse_tonemap, panorama.exposure()],
@@ -318,7 +362,10 @@ impl Painter {
         };
         let mut frame = self.gpu.frame()?;
         display.record(&mut frame, &input, &image)?;
-        frame.run()?;
+        // The window's own frame comes after this one, so the picture need not be finished to be handed over.
+        if let Some(before) = self.displayed.replace(frame.submit()?) {
+            before.wait()?;
+        }
         if !self.images.iter().any(|known| known.same(&image)) {
             self.images.push(image.clone());
         }

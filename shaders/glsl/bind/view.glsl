@@ -28,9 +28,11 @@ struct View {
     uint bounces;
     uint coverage_samples;
     uint rays_per_16;
-    uint history_limit;
+    uint history_limit;      // of what objects change
+    uint history_limit_real; // of what the video alone changes: E_R
     uint relit;
     uvec2 relight_size;
+    vec2 light_units;        // factors on E_R, and on what objects change or send, in images
 };
 
 layout(set = 0, binding = 0, scalar) uniform ViewBuffer { View view; } in_view;

@@ -16,7 +16,7 @@ use std::{cmp::Ordering, collections::BTreeMap};
 
 /// The settings that a choice may change. They save time by less work, and a still picture shows the
 /// difference. Settings whose effect shows only in motion, like `history` and `clamp`, are left alone.
-pub const TRADED: [&str; 11] = [
+pub const TRADED: [&str; 13] = [
     "relight_levels",
     "relight_width",
     "coverage_samples",
@@ -27,7 +27,9 @@ pub const TRADED: [&str; 11] = [
     "virtual_tracer",
     "directions",
     "bounces",
+    "least_share",
     "atrous_levels",
+    "atrous_radius",
 ];
 
 /// Number of frames of a still picture after which its error counts.

@@ -1,0 +1,39 @@
+// What tells two surfaces apart, in 16 bytes: position (m) with roughness in its lowest bits, then the normal
+// in steps of 1/127 and the object. Passes that look at many neighbours read this alone.
+
+const uint NO_SURFACE = 0u;
+const uint REAL_SURFACE = 1u;
+
+uint guide_object(uint instance_id) { return 1u + instance_id % 255u; }
+
+uvec4 guide_pack(vec3 position, vec3 normal, float roughness, uint object) {
+    uvec3 p = floatBitsToUint(position) & ~15u;
+    uvec3 n = uvec3(ivec3(round(normal * 127.0))) & 0xffu;
+    return uvec4(p.x | uint(clamp(roughness, 0.0, 1.0) * 15.0 + 0.5), p.yz, n.x | n.y << 8 | n.z << 16 | object << 24);
+}
+
+uint guide_id(uvec4 guide) { return guide.w >> 24; }
+vec3 guide_position(uvec4 guide) { return uintBitsToFloat(guide.xyz); }
+float guide_roughness(uvec4 guide) { return float(guide.x & 15u) * (1.0 / 15.0); }
+
+// Returns the normal, times 127.
+vec3 guide_normal(uvec4 guide) { return vec3((ivec3(guide.www) << ivec3(24, 16, 8)) >> 24); }
+
+// Returns how far a neighbour's normal is turned, as facing^32, or 0 if it is another object.
+float guide_facing(uvec4 guide, vec3 normal, uvec4 other) {
+    if (FAULT == FAULT_FILTER_BLIND) return 1.0;
+    float facing = max(0.0, dot(normal, guide_normal(other)) * (1.0 / (127.0 * 127.0)));
+    float n = facing * facing;
+    n *= n; n *= n; n *= n; n *= n;
+    return guide_id(other) == guide_id(guide) ? n : 0.0;
+}
+
+// Returns how far a neighbour is from the tangent plane, metres. `normal` is as guide_normal gives it.
+float guide_off_plane(vec3 position, vec3 normal, uvec4 other) {
+    if (FAULT == FAULT_FILTER_BLIND) return 0.0;
+    return abs(dot(normal, guide_position(other) - position)) * (1.0 / 127.0);
+}
+
+// Returns how far from the plane a neighbour may be at a reach of so many pixels: half the distance between
+// the two, and the depth noise of a capture, half a percent of the distance from the camera.
+float guide_tolerance(float distance, float reach) { return distance * (0.5 * pixel_angle() * reach + 0.005); }

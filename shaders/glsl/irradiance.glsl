@@ -1,0 +1,189 @@
+// What the dispatches of irradiance share: directions, what they are worth, and what arrives along them.
+#include "common.glsl"
+#include "parts.glsl"
+#include "bind/images.glsl"
+#include "panorama.glsl"
+#include "trace.glsl"
+#include "scene.glsl"
+#include "brdf.glsl"
+#include "guide.glsl"
+#include "light_code.glsl"
+#include "relit.glsl"
+#include "light.glsl"
+#include "list.glsl"
+layout(push_constant, scalar) uniform Push {
+    float screen_thickness; float screen_stride; float screen_jitter;
+    uint march_steps;
+    float least_share;  // of the rays that meet no object, see traced_share
+    uint history_valid;
+    uint still;
+} push;
+layout(constant_id = 1) const int LAYER = 0;
+layout(constant_id = 26) const uint ROULETTE = 0; // 1: not all rays that meet no object are traced
+layout(constant_id = 4) const uint REAL_TRACER = 0;
+layout(constant_id = 5) const uint VIRTUAL_TRACER = 0;
+const uint MARCH = 1u;     // value of REAL_TRACER
+const uint DIRECTION = 2u; // value of REAL_TRACER
+const uint SCREEN = 1u;    // value of VIRTUAL_TRACER
+
+#include "march.glsl"
+#include "screen.glsl"
+
+// Returns what a ray meets of the real scene. Direction-only light is infinitely far.
+PanoramaHit real_trace(vec3 origin, vec3 d) {
+    if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
+    if (REAL_TRACER == MARCH) return panorama_march(origin, d, push.march_steps);
+    return panorama_trace(origin, d, 0.0, FAR);
+}
+
+// Returns the virtual surface that a ray meets before t_max.
+SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
+    if (VIRTUAL_TRACER == SCREEN) return screen_trace(origin, d, t_max, random_next(random));
+    return scene_trace(origin, d, t_max);
+}
+
+vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv); }
+
+// A ray drawn from a lobe and the panorama's lights together. One of the two strategies is drawn, and the
+// weight f·cos/p is that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real` is
+// what the ray meets of the real scene.
+struct Ray {
+    vec3 d;
+    vec3 weight;
+    PanoramaHit real;
+};
+
+// Aims at a light. Returns false if the direction drawn is behind the surface.
+bool toward_light(vec3 x, vec3 normal, inout Random random, out vec3 d, out vec3 target, out bool far) {
+    vec2 u = random_next2(random);
+    vec3 centre = light_sample(u, random_next2(random));
+    ivec2 texel;
+    float distance = surface_distance(centre, texel);
+    far = distance <= 0.0 || REAL_TRACER == DIRECTION;
+    target = centre * distance;
+    d = far ? centre : normalize(target - x);
+    return dot(d, normal) > 0.0;
+}
+
+// A drawn light counts only if the ray meets it first.
+bool meets(PanoramaHit hit, vec3 x, vec3 d, vec3 target, bool far) {
+    if (far) return hit.kind == FREE;
+    vec3 miss = x + d * hit.t - target;
+    return hit.kind == SURFACE && dot(miss, miss) < 1e-4 * dot(target, target);
+}
+
+// A direction that was drawn, and from what.
+struct Aim {
+    vec3 d;
+    bool possible; // whether it is in front of the surface
+    bool light;    // drawn from the lights
+    bool far;      // that light is infinitely far
+    vec3 target;   // where that light is
+    bool mirror;
+    vec3 mirror_weight;
+};
+
+float light_share(bool mirror) { return mirror || DIRECTIONS == BRDF ? 0.0 : in_lights.share; }
+
+// Draws from a Lambert lobe of albedo 1 (f·cos = cos/π), or from the GGX lobe of a surface, or from the lights.
+Aim aim(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, inout Random random) {
+    Aim aim;
+    aim.mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
+    aim.light = random_next(random) < light_share(aim.mirror);
+    aim.far = false;
+    aim.target = aim.mirror_weight = vec3(0.0);
+    aim.possible = true;
+    if (aim.light) aim.possible = toward_light(x, normal, random, aim.d, aim.target, aim.far);
+    else {
+        vec2 u = random_next2(random);
+        if (specular) {
+            aim.d = brdf_sample_specular(s, l, to_eye, u, aim.mirror_weight);
+            aim.possible = dot(aim.d, s.geometric) > 0.0;
+        } else aim.d = sample_cosine(normal, u);
+    }
+    return aim;
+}
+
+// Traces the real scene along it.
+Ray trace(Aim aim, vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye) {
+    Ray ray = Ray(aim.d, vec3(0.0), PanoramaHit(FAR, vec2(0.0), FREE, vec3(0.0)));
+    if (!aim.possible) return ray;
+    ray.real = real_trace(x, ray.d);
+    if (aim.mirror) { ray.weight = aim.mirror_weight; return ray; }
+    if (aim.light && !meets(ray.real, x, ray.d, aim.target, aim.far)) return ray;
+    float density, share = light_share(aim.mirror);
+    vec3 f;
+    if (specular) f = brdf_specular(s, l, to_eye, ray.d, density);
+    else { density = max(dot(ray.d, normal), 0.0) / PI; f = vec3(density); }
+    float p = (1.0 - share) * density + (share > 0.0 ? share * light_density(x, ray.d, ray.real) : 0.0);
+    if (p > 0.0) ray.weight = f / p;
+    return ray;
+}
+
+// Returns what arrives along a ray, the mixed scene included: real surfaces relit, virtual ones by a path. `hit`
+// is the virtual surface that the ray meets, if any. The path's last vertex sees the real scene alone, so that
+// no light is lost.
+vec3 incoming(vec3 origin, Ray ray, SceneHit hit, inout Random random) {
+    vec3 sum = vec3(0.0), throughput = vec3(1.0);
+    float width = 0.0;
+    for (uint bounce = 1u; hit.instance != NONE; bounce++) {
+        width += 0.05 * hit.t;
+        vec3 seen_along = VIRTUAL_TRACER == SCREEN ? screen_direction(hit, ray.d) : ray.d;
+        Surface s = scene_surface(hit, seen_along, width);
+        if (EMISSION != 0u) sum += throughput * s.emissive;
+        vec3 to_eye = -seen_along;
+        Lobes l = brdf_lobes(s, to_eye);
+        bool specular = brdf_choose_specular(l, random);
+        origin = surface_origin(s);
+        ray = trace(aim(origin, s.normal, specular, s, l, to_eye, random), origin, s.normal, specular, s, l, to_eye);
+        if (dot(ray.d, s.geometric) <= 0.0) return sum;
+        throughput *= ray.weight * (specular ? vec3(1.0 / l.specular_probability) : l.diffuse / (1.0 - l.specular_probability));
+        if (max(throughput.r, max(throughput.g, throughput.b)) <= 0.0) return sum;
+        hit.instance = NONE;
+        if (INTERREFLECTION != 0u && bounce < in_view.view.bounces) hit = virtual_trace(origin, ray.d, ray.real.t, random);
+    }
+    return sum + throughput * relit(ray.real.uv, hit_radiance(ray.real));
+}
+
+// --- a real surface ---
+
+struct RealStart { vec3 normal; vec3 off_real; vec3 off_virtual; };
+
+// Returns where rays leave a real surface: by more than the steps of its depth for those through the real
+// scene, and by almost nothing for those to objects, so that a contact shadow begins at the contact.
+RealStart real_start(ivec2 p) {
+    vec3 point = imageLoad(in_position, ivec3(p, REAL)).xyz, normal = imageLoad(in_normal, ivec3(p, REAL)).xyz;
+    float off = FAULT == FAULT_RAYS_FROM_BELOW ? -2e-3 : 2e-3;
+    return RealStart(normal, point + normal * (off * length(point)), point + normal * 1e-4);
+}
+
+Aim real_aim(RealStart from, inout Random random) {
+    Surface none;
+    Lobes no_lobes;
+    return aim(from.off_real, from.normal, false, none, no_lobes, vec3(0.0), random);
+}
+
+Ray real_ray(Aim aim, RealStart from) {
+    Surface none;
+    Lobes no_lobes;
+    return trace(aim, from.off_real, from.normal, false, none, no_lobes, vec3(0.0));
+}
+
+// Returns the share of the rays from a pixel that are traced if they meet no object: all where objects changed
+// much in the last frame, `least_share` where they changed nothing. What is not traced is made up for by the
+// weight of what is.
+float traced_share(ivec2 p) {
+    vec4 motion = imageLoad(in_motion, ivec3(p, REAL));
+    ivec2 q = push.still != 0u ? p : ivec2(floor(vec2(p) + 0.5 + motion.xy));
+    if (push.history_valid == 0u || motion.z <= 0.0 || !neighbour(q)) return 1.0;
+    Light last = light_unpack(imageLoad(in_light, ivec3(q, REAL)));
+    light_decode(REAL, last);
+    if (last.deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, REAL))) == NO_SURFACE) return 1.0;
+    const float ALL = 0.04; // a relative change above which all rays are traced
+    return clamp(luminance(abs(last.b)) / (ALL * max(luminance(last.a), 1e-20)), push.least_share, 1.0);
+}
+
+bool chosen(ivec2 p, float share) {
+    Random random = random_begin(uvec2(p), 2u);
+    return random_next(random) < share;
+}
