@@ -415,7 +415,7 @@ impl Renderer {
         lighting.sampling_mask.record(frame, view, settings, still, history)?;
         frame.barrier("irradiance reads the compacted pixels");
         let last = if self.plan.roulette() { view.image(filtered(settings))? } else { &self.nothing };
-        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, relit, last, since)?;
+        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, [relit, last], since)?;
         if let Some(interpolate) = &lighting.interpolate {
             frame.barrier("interpolate reads traced neighbours");
             interpolate.record(frame, view)?;

@@ -286,7 +286,7 @@ settings! {
         filter_order: FilterOrder = [FilterOrder::TemporalFirst, FilterOrder::SpatialFirst, FilterOrder::TemporalFirst, FilterOrder::TemporalFirst], ANY, "", "which filter comes first";
         atrous_levels: u32 = [3, 5, 3, 0], [0.0, 5.0], "", "levels of the edge-avoiding filter; each doubles the distance between taps";
         atrous_radius: u32 = [2, 2, 2, 2], [1.0, 2.0], "taps", "radius of a level's kernel: 3×3 or 5×5 taps";
-        sigma_luminance: f32 = [4.0, INFINITE, 4.0, 4.0], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e; inf: luminance does not count";
+        sigma_luminance: f32 = [3.0, INFINITE, 3.0, 3.0], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e; inf: luminance does not count";
     }
     composite {
         relighting: Relighting = [Relighting::EmissionKept, Relighting::Ratio, Relighting::EmissionKept, Relighting::EmissionKept], ANY, "", "how a real surface answers a change of its light, in the picture and in the relit map";

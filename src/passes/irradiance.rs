@@ -83,8 +83,7 @@ impl Irradiance {
         view: &View,
         panorama: &Resources,
         scene: &SceneBuffers,
-        relit: &Image,
-        last: &Image,
+        [relit, last]: [&Image; 2],
         since: Since,
     ) -> Result<()> {
         let push =
@@ -96,7 +95,7 @@ impl Irradiance {
             if let Some(aim) = &self.aim {
                 frame.fill(&view.aimed_arguments, 0);
                 frame.barrier("aim counts from zero");
-                aim.dispatch(frame, &[last.clone()], &pools, &push, view.listed(REAL))?;
+                aim.dispatch(frame, std::slice::from_ref(&last), &pools, &push, view.listed(REAL))?;
                 frame.barrier("irradiance reads what aim left");
             }
             (0..).zip(&self.layers).try_for_each(|(layer, kernel)| {
