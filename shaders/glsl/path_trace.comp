@@ -124,7 +124,7 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, 
         vec3 value = specular ? brdf_specular(s, l, to_eye, d, by_lobe) : l.diffuse * by_lobe;
         if (by_lobe <= 0.0) continue;
         Material m = in_materials.material[in_shading.triangle[point.triangle].material];
-        vec3 radiance = m.emissive_texture == NONE ? m.emissive : scene_surface(point, d, 0.0).emissive;
+        vec3 radiance = m.emissive_texture == NONE && (m.flags & 2u) == 0u ? m.emissive : scene_surface(point, d, 0.0).emissive;
         vec3 brings = value * radiance / (by_light + (push.sampling == MIS ? by_lobe : 0.0));
         float weight = luminance(brings);
         total += weight;

@@ -207,6 +207,12 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     s.metallic = m.metallic;
     s.roughness = m.roughness;
     s.emissive = EMISSION != 0u ? m.emissive : vec3(0.0);
+    if ((v0.color & v1.color & v2.color) != 0xffffffffu) {
+        vec3 c0 = unpackUnorm4x8(v0.color).rgb, c1 = unpackUnorm4x8(v1.color).rgb, c2 = unpackUnorm4x8(v2.color).rgb;
+        vec3 tint = c0 * c0 * b.x + c1 * c1 * b.y + c2 * c2 * b.z;
+        s.base_color *= tint;
+        if ((m.flags & 2u) != 0u) s.emissive *= tint;
+    }
     float specular = m.specular;
     vec3 specular_color = m.specular_color;
     if (TEXTURES != 0u) {

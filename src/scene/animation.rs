@@ -134,6 +134,30 @@ pub fn is_invertible(matrix: &Affine3A) -> bool {
     matrix.is_finite() && determinant > 1e-30 && determinant > 1e-6 * size && matrix.inverse().is_finite()
 }
 
+/// Returns a matrix that can be inverted: this one, or, if it flattens to a plane, one that keeps a
+/// ten-thousandth of the thickness. A matrix that flattens to a line or a point, or is not finite, has none.
+pub fn made_invertible(matrix: &Affine3A) -> Option<Affine3A> {
+    if is_invertible(matrix) {
+        return Some(*matrix);
+    }
+    let linear = Mat3::from(matrix.matrix3);
+    // The longest cross product of a rank 2 matrix's columns is normal to what it spans; that of its rows is
+    // what it flattens.
+    let lost = |m: Mat3| {
+        let crosses = [m.x_axis.cross(m.y_axis), m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis)];
+        crosses
+            .into_iter()
+            .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
+            .and_then(Vec3::try_normalize)
+    };
+    let (across, flattened) = (lost(linear)?, lost(linear.transpose())?);
+    let size = [linear.x_axis, linear.y_axis, linear.z_axis].map(Vec3::length).into_iter().fold(0.0, f32::max);
+    let thickness = 1e-4 * size * across;
+    let outer = Mat3::from_cols(thickness * flattened.x, thickness * flattened.y, thickness * flattened.z);
+    let thick = Affine3A::from_mat3_translation(linear + outer, matrix.translation.into());
+    is_invertible(&thick).then_some(thick)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -167,5 +191,19 @@ mod tests {
         assert!(is_invertible(&Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0))));
         assert!(!is_invertible(&Affine3A::from_scale(Vec3::new(1.0, 0.0, 1.0))));
         assert!(!is_invertible(&Affine3A::from_scale(Vec3::splat(f32::NAN))));
+    }
+
+    #[test]
+    fn planes_get_a_thickness_and_lines_do_not() {
+        let turn = |a| Affine3A::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), a);
+        let flat = turn(1.0) * Affine3A::from_scale(Vec3::new(2.0, 0.0, 3.0)) * turn(-0.4);
+        let thick = made_invertible(&flat).expect("a plane");
+        for point in [Vec3::X, Vec3::Y, Vec3::new(-1.0, 2.0, 0.5)] {
+            assert!(thick.transform_point3(point).abs_diff_eq(flat.transform_point3(point), 2e-3));
+        }
+        assert_eq!(made_invertible(&turn(0.3)), Some(turn(0.3)));
+        for lost in [Vec3::new(1.0, 0.0, 0.0), Vec3::ZERO, Vec3::splat(f32::NAN)] {
+            assert_eq!(made_invertible(&Affine3A::from_scale(lost)), None);
+        }
     }
 }

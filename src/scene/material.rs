@@ -37,6 +37,8 @@ pub struct Material {
     pub specular_texture: Option<usize>,
     /// RGB, sRGB-encoded.
     pub specular_color_texture: Option<usize>,
+    /// Whether the colours of vertices tint what is emitted, and not what is reflected.
+    pub unlit: bool,
 }
 
 impl Default for Material {
@@ -59,11 +61,28 @@ impl Default for Material {
             emissive_texture: None,
             specular_texture: None,
             specular_color_texture: None,
+            unlit: false,
         }
     }
 }
 
 impl Material {
+    /// Returns the material that shows its colour whatever the light is (KHR_materials_unlit): it emits the
+    /// colour, and reflects nothing.
+    pub fn unlit(self) -> Self {
+        Self {
+            name: self.name,
+            base_color: Vec3::ZERO,
+            metallic: 0.0,
+            emissive: self.base_color,
+            specular: 0.0,
+            double_sided: self.double_sided,
+            emissive_texture: self.base_color_texture,
+            unlit: true,
+            ..Self::default()
+        }
+    }
+
     /// Makes a dielectric of one colour.
     pub fn plain(name: &str, base_color: Vec3, roughness: f32) -> Self {
         Self { name: name.to_owned(), base_color, metallic: 0.0, roughness, ..Self::default() }
@@ -96,7 +115,7 @@ impl Material {
             specular: self.specular,
             ior: self.ior,
             normal_scale: self.normal_scale,
-            flags: u32::from(self.double_sided),
+            flags: u32::from(self.double_sided) | (u32::from(self.unlit) << 1),
             base_color_texture: texture(self.base_color_texture),
             metallic_roughness_texture: texture(self.metallic_roughness_texture),
             normal_texture: texture(self.normal_texture),

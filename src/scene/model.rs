@@ -21,6 +21,8 @@ pub struct Mesh {
     /// As in glTF, `w` is the bitangent's sign. Zero means that there is no normal mapping. If empty, all are
     /// zero.
     pub tangents: Vec<[f32; 4]>,
+    /// Factors on the base colour, linear, 0..1. If empty, all are one.
+    pub colors: Vec<Vec3>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// The material of each triangle: an index into the model's.

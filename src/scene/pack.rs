@@ -14,8 +14,8 @@ use glam::Vec3;
 /// The most texels of all textures: 128 MiB, the largest storage buffer that every Vulkan device allows.
 /// Beyond it the largest textures lose their finest levels.
 pub const MAX_TEXELS: usize = 1 << 25;
-/// The most triangles of all models, and the most vertices (36 bytes each, again 128 MiB).
-pub const MAX_ELEMENTS: usize = (1 << 27) / 36;
+/// The most triangles of all models, and the most vertices (40 bytes each, again 128 MiB).
+pub const MAX_ELEMENTS: usize = (1 << 27) / 40;
 
 /// Where a packed mesh is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,7 +107,7 @@ fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
     let subject = || format!("{}: mesh {}", model.name, mesh.name);
     let vertices = mesh.positions.len();
     let lengths_fit = mesh.normals.len() == vertices
-        && [mesh.uvs.len(), mesh.tangents.len()].iter().all(|n| *n == 0 || *n == vertices)
+        && [mesh.uvs.len(), mesh.tangents.len(), mesh.colors.len()].iter().all(|n| *n == 0 || *n == vertices)
         && mesh.materials.len() == mesh.triangles.len();
     let indices_fit = mesh.triangles.iter().flatten().all(|index| (*index as usize) < vertices)
         && mesh.materials.iter().all(|material| (*material as usize) < model.materials.len());
@@ -118,6 +118,11 @@ fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
         return Err(Error::input(subject(), "a position is not finite or beyond 1e9 m", "repair the mesh"));
     }
     Ok(())
+}
+
+fn pack_color(linear: Vec3) -> u32 {
+    let code = |value: f32| (value.clamp(0.0, 1.0).sqrt() * 255.0 + 0.5) as u8;
+    u32::from_le_bytes([code(linear.x), code(linear.y), code(linear.z), 255])
 }
 
 fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Option<PackedMesh>, usize) {
@@ -151,6 +156,7 @@ fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Opti
             normal: normal.try_normalize().unwrap_or(Vec3::Y),
             uv: mesh.uvs.get(index).copied().unwrap_or_default(),
             tangent: mesh.tangents.get(index).copied().unwrap_or_default(),
+            color: mesh.colors.get(index).map_or(u32::MAX, |color| pack_color(*color)),
         });
     }
     for item in &tree.order {

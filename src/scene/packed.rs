@@ -17,8 +17,8 @@ gpu_struct! {
 }
 gpu_struct! {
     /// A vertex. `tangent.w` is the bitangent's sign, as in glTF. A zero tangent means that there is no
-    /// normal mapping.
-    pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: [f32; 4] }
+    /// normal mapping. `color` has the square roots of a linear colour, 8 bits each, R in the low byte.
+    pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: [f32; 4], pub color: u32 }
 }
 gpu_struct! {
     /// A node of a BVH, in depth-first order, so that a walk needs no stack: a ray that meets the box goes on
@@ -56,7 +56,7 @@ gpu_struct! {
         pub emissive: Vec3, pub roughness: f32,
         pub specular_color: Vec3, pub specular: f32,
         pub ior: f32, pub normal_scale: f32,
-        /// Bit 0: double sided.
+        /// Bit 0: double sided. Bit 1: colours of vertices tint what is emitted.
         pub flags: u32,
         /// Indices of [`PackedTexture`] or [`NONE`].
         pub base_color_texture: u32, pub metallic_roughness_texture: u32, pub normal_texture: u32, pub emissive_texture: u32,

@@ -1,7 +1,7 @@
 //! A scene in memory, and what of it changes over time.
 
 use super::{
-    animation::{Placement, is_invertible},
+    animation::{Placement, made_invertible},
     bounds::Bounds,
     bvh,
     camera::{Camera, CameraTrack},
@@ -75,8 +75,8 @@ impl Scene {
     }
 
     /// Returns camera, instances and top level at `time_seconds`. `previous_time` is that of the frame
-    /// before, for motion vectors (the same time if there is none). An instance whose matrix cannot be
-    /// inverted now is left out.
+    /// before, for motion vectors (the same time if there is none). An instance that is
+    /// flattened to a line or point now is left out.
     pub fn at(&self, time_seconds: f64, previous_time: f64) -> SceneState {
         SceneState {
             camera: self.camera.at(time_seconds),
@@ -144,9 +144,9 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
     let mut warnings = packed.warnings;
     for placed in &placed {
         let matrices = placed.matrices(0.0);
-        let flat = placed.instances.iter().filter(|(node, ..)| !is_invertible(&matrices[*node])).count();
+        let flat = placed.instances.iter().filter(|(node, ..)| made_invertible(&matrices[*node]).is_none()).count();
         if flat > 0 {
-            let problem = "have a matrix without inverse at the start and are not drawn";
+            let problem = "are flattened to a line or point at the start and are not drawn";
             warnings.push(format!("{}: {flat} of its instances {problem}", placed.object.name));
         } else if placed.instances.is_empty() {
             warnings.push(format!("{}: holds no triangles", placed.object.name));
@@ -156,7 +156,7 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
 }
 
 /// Returns instances, their top level and lights at a time. Motion is since `previous_time`. An instance
-/// whose matrix cannot be inverted now is left out.
+/// that is flattened to a line or point now is left out.
 pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time: f64) -> PackedInstances {
     let mut instances = Vec::new();
     let mut boxes = Vec::new();
@@ -166,10 +166,7 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
         lights.extend(placed.object.model.lights.iter().map(|light| light.pack(&now[light.node])));
         let before = if previous_time == time_seconds { now.clone() } else { placed.matrices(previous_time) };
         for &(node, mesh, id) in &placed.instances {
-            let to_world = now[node];
-            if !is_invertible(&to_world) {
-                continue;
-            }
+            let Some(to_world) = made_invertible(&now[node]) else { continue };
             let previous = if before[node].is_finite() { before[node] } else { to_world };
             instances.push(Instance {
                 object_to_world: rows(&to_world),

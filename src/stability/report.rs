@@ -6,6 +6,7 @@ use crate::{
     image_file::write::{make_folder, write_bytes},
     settings::Method,
 };
+use base64::Engine as _;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Map, Value, json};
 use std::{fmt::Write, path::Path};
@@ -136,7 +137,7 @@ pub fn write(folder: &Path, rows: &[Row], setup: &Setup) -> Result<()> {
                 case.unit,
                 case.name,
                 method.name(),
-                base64::encode(&bytes)
+                base64::engine::general_purpose::STANDARD.encode(&bytes)
             );
         }
         body.push_str("</div></section>\n");

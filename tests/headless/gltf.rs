@@ -90,9 +90,10 @@ fn every_broken_file_loads_or_gives_one_line() {
         }));
         refused += usize::from(outcome.unwrap_or_else(|_| panic!("{} panicked", path.display())));
     }
-    // Many are only borderline (hints, unused data); but most of what is broken must be refused.
+    // Most are borderline: what is broken is not drawn, or has a meaning all the same. Shapes that cannot be known
+    // are refused.
     println!("{refused} of {} refused", found.len());
-    assert!(refused > 100, "only {refused} were refused");
+    assert!((15..60).contains(&refused), "{refused} were refused");
 }
 
 #[test]
@@ -122,9 +123,8 @@ fn the_water_bottle_has_all_its_textures() {
 #[test]
 fn unsupported_features_are_named() {
     for (file, feature) in [
-        ("RiggedFigure/RiggedFigure.glb", "a skin"),
+        ("RiggedFigure/RiggedFigure.glb", "an animated skin"),
         ("AnimatedMorphCube/AnimatedMorphCube.glb", "a morph target"),
-        ("BoxVertexColors/BoxVertexColors.glb", "a vertex colour"),
         ("AlphaBlendModeTest/AlphaBlendModeTest.glb", "alpha mode BLEND"),
         ("glass-table/glass-table.glb", "KHR_materials_transmission"),
     ] {
@@ -221,39 +221,88 @@ fn hostile_files_are_refused() {
         (triangle("file:///etc/passwd", r#""count":3"#, ""), "not a file beside"),
         (triangle("/dev/zero", r#""count":3"#, ""), "no relative path"),
         (triangle("absent%20name.bin", r#""count":3"#, ""), "absent name.bin"),
-        (triangle("data:application/octet-stream;base64,AAA", r#""count":3"#, ""), "buffer 0"),
-        (triangle("data:text/plain,hello", r#""count":3"#, ""), "not base64"),
+        (triangle("data:application/octet-stream;base64,A*A", r#""count":3"#, ""), "buffer 0"),
+        (triangle("data:text/plain,hello", r#""count":3"#, ""), "says it has 36 bytes"),
         (triangle("data:application/octet-stream;base64,AAAA", r#""count":3"#, ""), "says it has 36 bytes"),
         (triangle(TRIANGLE, r#""count":4"#, ""), "beyond its buffer view"),
         (triangle(TRIANGLE, r#""count":18446744073709551615"#, ""), "beyond its buffer view"),
         (triangle(TRIANGLE, r#""count":3,"byteOffset":18446744073709551615"#, ""), "beyond its buffer view"),
-        (triangle(TRIANGLE, r#""count":3"#, r#","material":7"#), "index out of bounds"),
         (triangle(TRIANGLE, r#""count":3"#, r#","indices":0"#), "whole numbers"),
-        (r#""extensionsRequired":["EXT_nonsense"],"extensionsUsed":["EXT_nonsense"]"#.into(), "EXT_nonsense"),
-        (r#""nodes":[{"children":[1]},{"children":[0]}],"scenes":[{"nodes":[0]}]"#.into(), "own ancestor"),
-        (r#""nodes":[{"rotation":[0,0,0,0]}],"scenes":[{"nodes":[0]}]"#.into(), "rotation"),
         (
             r#""accessors":[{"componentType":5126,"type":"VEC3","count":4000000000}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[{"mesh":0}],"scenes":[{"nodes":[0]}]"#.into(),
             "says it has 4000000000",
+        ),
+        (
+            triangle(TRIANGLE, r#""count":3"#, r#","extensions":{"KHR_draco_mesh_compression":{}}"#)
+                .replace(r#""bufferView":0,"componentType""#, r#""componentType""#),
+            "KHR_draco_mesh_compression, which is not read; write it without, as by: gltf-transform copy",
+        ),
+        (
+            triangle(TRIANGLE, r#""count":3"#, "")
+                .replace(r#""bufferViews":[{"buffer":0,"#, r#""bufferViews":[{"buffer":7,"extensions":{"EXT_meshopt_compression":{}},"#),
+            "EXT_meshopt_compression, which is not read; write it without, as by: gltfpack",
         ),
     ] {
         let line = inline(&members).expect_err(words);
         assert!(line.contains(words) && !line.contains('\n'), "{words}: {line}");
     }
-    let bad_material = |material: &str| {
-        let members = triangle(TRIANGLE, r#""count":3"#, r#","material":0"#);
-        inline(&format!(r#"{members},"materials":[{material}]"#)).expect_err(material)
-    };
-    for material in [
-        r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":9}}}"#,
-        r#"{"extensions":{"KHR_materials_specular":{"specularTexture":{"index":9}}}}"#,
-        r#"{"extensions":{"KHR_materials_specular":{"specularColorTexture":{"index":9}}}}"#,
-        r#"{"extensions":{"KHR_materials_transmission":{"transmissionTexture":{"index":9}}}}"#,
-        r#"{"normalTexture":{"index":9}}"#,
-        r#"{"pbrMetallicRoughness":{"metallicFactor":7}}"#,
+}
+
+#[test]
+fn what_is_odd_or_unused_never_refuses_a_file() {
+    let plain = triangle(TRIANGLE, r#""count":3"#, "");
+    let lines = TRIANGLE.replace("AACAPwAA", "AACA\\nPwAA\\r\\n").trim_end_matches('=').to_owned();
+    for (members, words) in [
+        (triangle(&lines, r#""count":3"#, ""), None),
+        (triangle(TRIANGLE, r#""count":3"#, r#","material":7"#), Some("default material")),
+        (format!(r#"{plain},"extensionsRequired":["EXT_nonsense"]"#), Some("EXT_nonsense")),
+        (format!(r#"{plain},"extensionsRequired":["KHR_materials_specular"]"#), None),
+        (format!(r#"{plain},"images":[{{"uri":"absent.png"}}],"cameras":[{{"type":"fisheye"}}],"skins":[{{}}]"#), None),
+        (
+            format!(
+                r#"{plain},"animations":[{{"channels":[{{"sampler":0,"target":{{"path":"pointer"}}}}],"samplers":[]}}]"#
+            ),
+            None,
+        ),
+        (
+            format!(r#"{plain},"animations":[{{"channels":[{{"sampler":3,"target":{{"node":0,"path":"scale"}}}}]}}]"#),
+            Some("animation 0, channel 0"),
+        ),
+        (plain.replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0]},{}]"#), None),
+        (plain.replace(r#""scenes":[{"nodes":[0]}]"#, r#""scene":9,"scenes":[{"nodes":[0]}]"#), Some("scene 9")),
+        (plain.replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0,5]}]"#), Some("node 5")),
+        (plain.replace(r#"{"mesh":0}"#, r#"{"mesh":0,"children":[0]}"#), Some("own ancestor")),
+        (plain.replace(r#"{"mesh":0}"#, r#"{"mesh":0,"rotation":[0,0,0,0]}"#), Some("rotation")),
+        (plain.replace(r#""attributes":{"#, r#""attributes":{"NORMAL":8,"COLOR_0":9,"#), Some("accessor 8")),
     ] {
-        assert!(!bad_material(material).contains('\n'));
+        let (model, warnings) = inline(&members).unwrap_or_else(|line| panic!("{members}: {line}"));
+        assert_eq!(model.meshes[0].positions, [Vec3::ZERO, Vec3::X, Vec3::Y], "{members}");
+        match words {
+            None => assert!(warnings.is_empty(), "{members}: {warnings:?}"),
+            Some(words) => assert!(warnings.iter().any(|warning| warning.contains(words)), "{words}: {warnings:?}"),
+        }
     }
+    for (material, words) in [
+        (r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":9}}}"#, "texture 9"),
+        (r#"{"extensions":{"KHR_materials_specular":{"specularTexture":{"index":9}}}}"#, "texture 9"),
+        (r#"{"normalTexture":{"index":9}}"#, "texture 9"),
+        (r#"{"pbrMetallicRoughness":{"metallicFactor":1.0000001,"baseColorFactor":[1.5,0,0,1]}}"#, "metallicFactor"),
+        (r#"{"alphaMode":"HASHED"}"#, "alpha mode"),
+        (r#"{"pbrMetallicRoughness":7,"extensions":[],"emissiveFactor":"red"}"#, ""),
+    ] {
+        let members = triangle(TRIANGLE, r#""count":3"#, r#","material":0"#);
+        let (_, warnings) = inline(&format!(r#"{members},"materials":[{material}]"#)).expect(material);
+        assert!(words.is_empty() || warnings.iter().any(|w| w.contains(words)), "{material}: {warnings:?}");
+    }
+}
+
+#[test]
+fn a_vertex_that_is_no_number_costs_its_triangles_alone() {
+    // The second vertex is (NaN, 0, 0).
+    let members = triangle(&TRIANGLE.replace("AACAPwAA", "AADAfwAA"), r#""count":3"#, "");
+    let (model, warnings) = inline(&members).expect("loads");
+    assert!(model.meshes[0].triangles.is_empty() && warnings[0].contains("1 triangles have a vertex"), "{warnings:?}");
+    scene_of(model);
 }
 
 #[test]
@@ -321,5 +370,5 @@ fn mutated_files_never_panic() {
             refused += usize::from(outcome.unwrap_or_else(|_| panic!("panicked on {}", path.display())));
         }
     }
-    assert!(refused > 400, "{refused}");
+    assert!(refused > 300, "{refused}");
 }

@@ -7,6 +7,7 @@
 mod adding;
 mod bounces;
 mod bvh;
+mod cases;
 mod chart;
 mod cli;
 mod common;

@@ -2,6 +2,7 @@
 //! truth of that picture.
 
 use crate::folder::Folder;
+use base64::Engine as _;
 use glam::{Vec3, vec3};
 use iprt::{
     image_file::read::read,
@@ -36,7 +37,7 @@ fn room() -> String {
         views.push(format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{}}}"#, chunk.len()));
         offset += chunk.len();
     }
-    let data = base64::encode(chunks.concat());
+    let data = base64::engine::general_purpose::STANDARD.encode(chunks.concat());
     let lambert = r#""pbrMetallicRoughness":{"baseColorFactor":[0.6,0.5,0.4,1],"metallicFactor":0},"extensions":{"KHR_materials_specular":{"specularFactor":0}}"#;
     format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,1]}}],

@@ -1,7 +1,7 @@
 // The virtual objects (passes/scene.rs). Structs are as in scene/packed.rs, in scalar layout.
 
 struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
-struct Vertex { vec3 normal; vec2 uv; vec4 tangent; };
+struct Vertex { vec3 normal; vec2 uv; vec4 tangent; uint color; };
 struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint padding[2]; };
 struct Material {
     vec3 base_color; float metallic;

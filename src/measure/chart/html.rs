@@ -15,6 +15,7 @@ use crate::{
     measure::score::{REGIONS, Scores, TruthKind},
     passes::PASSES,
 };
+use base64::Engine as _;
 use std::{fmt::Write, path::Path};
 
 const STYLE: &str = include_str!("page.css");
@@ -274,6 +275,6 @@ fn bar(point: &ChartPoint, most: f64) -> String {
 }
 
 fn image(folder: &Path, file: &str) -> Result<String> {
-    let data = base64::encode(read_bytes(&folder.join(file))?);
+    let data = base64::engine::general_purpose::STANDARD.encode(read_bytes(&folder.join(file))?);
     Ok(format!("<img alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(file)))
 }

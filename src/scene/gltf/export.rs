@@ -2,7 +2,6 @@
 //! meshes (one primitive a material), materials with the extensions that are read, textures as PNG inside the
 //! file, clips.
 
-use super::SUPPORTED;
 use crate::{
     Error, Result,
     scene::{
@@ -11,25 +10,10 @@ use crate::{
         model::{Local, Mesh, Model},
     },
 };
-use ::gltf::{
-    Semantic,
-    binary::{Glb, Header},
-    json::{
-        self, Accessor, Index, Root,
-        accessor::{ComponentType, GenericComponentType, Type},
-        animation::{Animation, Channel, Interpolation, Property as Path, Sampler, Target},
-        buffer::{Target as BufferTarget, View},
-        extensions::material as extension,
-        material::{EmissiveFactor, NormalTexture, PbrBaseColorFactor, PbrMetallicRoughness, StrengthFactor},
-        mesh::{Mode, Primitive},
-        scene::UnitQuaternion,
-        texture,
-        validation::{Checked::Valid, USize64},
-    },
-};
 use glam::{Mat4, Vec3};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use std::{borrow::Cow, collections::BTreeMap};
+use serde_json::{Map, Value, json};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Returns the bytes of a `.glb` file.
 ///
@@ -42,75 +26,78 @@ pub fn to_glb(model: &Model) -> Result<Vec<u8>> {
     }
     for material in &model.materials {
         let material = file.material(material);
-        file.root.materials.push(material);
+        file.push("materials", material);
     }
     for mesh in &model.meshes {
         let primitives = file.primitives(mesh, model.materials.len());
-        let name = Some(mesh.name.clone());
-        file.root.meshes.push(json::Mesh {
-            extensions: None,
-            extras: Default::default(),
-            name,
-            primitives,
-            weights: None,
-        });
+        file.push("meshes", json!({ "name": mesh.name, "primitives": primitives }));
     }
     file.nodes(model);
     file.animations(model);
     file.finish()
 }
 
+/// A file as far as it is written.
 #[derive(Default)]
 struct Writer {
-    root: Root,
+    /// The arrays of the JSON.
+    arrays: BTreeMap<&'static str, Vec<Value>>,
+    extensions: BTreeSet<&'static str>,
     bytes: Vec<u8>,
 }
+
+/// The type of an accessor: its component and its kind.
+type Kind = (u32, &'static str);
+const F32: u32 = 5126;
+const U32: u32 = 5125;
+const VEC3: Kind = (F32, "VEC3");
+const VERTICES: Option<u32> = Some(34962);
+const INDICES: Option<u32> = Some(34963);
 
 fn too_large(error: impl ToString) -> Error {
     Error::Internal(format!("writing glTF: {}", error.to_string()))
 }
 
+/// Makes an object of the members that are not null.
+fn object(members: Value) -> Value {
+    match members {
+        Value::Object(members) => {
+            members.into_iter().filter(|(_, value)| !value.is_null()).collect::<Map<_, _>>().into()
+        }
+        other => other,
+    }
+}
+
 impl Writer {
-    fn view(&mut self, bytes: &[u8], target: Option<BufferTarget>) -> Index<View> {
+    /// Adds an entry to an array, and returns its index.
+    fn push(&mut self, array: &'static str, entry: Value) -> usize {
+        let array = self.arrays.entry(array).or_default();
+        array.push(object(entry));
+        array.len() - 1
+    }
+
+    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let start = self.bytes.len();
         self.bytes.extend_from_slice(bytes);
-        self.root.push(View {
-            buffer: Index::new(0),
-            byte_length: USize64::from(bytes.len()),
-            byte_offset: Some(USize64::from(start)),
-            byte_stride: None,
-            name: None,
-            target: target.map(Valid),
-            extensions: None,
-            extras: Default::default(),
-        })
+        let view = json!({ "buffer": 0, "byteLength": bytes.len(), "byteOffset": start, "target": target });
+        self.push("bufferViews", view)
     }
 
     fn accessor(
         &mut self,
         bytes: &[u8],
         count: usize,
-        (component, kind): (ComponentType, Type),
-        target: Option<BufferTarget>,
-        bounds: Option<[serde_json::Value; 2]>,
-    ) -> Index<Accessor> {
+        (component, kind): Kind,
+        target: Option<u32>,
+        bounds: Option<[Value; 2]>,
+    ) -> usize {
         let view = self.view(bytes, target);
-        let [min, max] = bounds.map_or([None, None], |bounds| bounds.map(Some));
-        self.root.push(Accessor {
-            buffer_view: Some(view),
-            byte_offset: Some(USize64(0)),
-            count: USize64::from(count),
-            component_type: Valid(GenericComponentType(component)),
-            extensions: None,
-            extras: Default::default(),
-            type_: Valid(kind),
-            min,
-            max,
-            name: None,
-            normalized: false,
-            sparse: None,
-        })
+        let [min, max] = bounds.map_or([Value::Null, Value::Null], |bounds| bounds);
+        self.push(
+            "accessors",
+            json!({ "bufferView": view, "count": count, "componentType": component, "type": kind, "min": min, "max": max }),
+        )
     }
 
     /// Texture `i` of the model becomes texture, sampler and image `i` of the file.
@@ -123,91 +110,78 @@ impl Writer {
         let [width, height] = source.size;
         PngEncoder::new(&mut png).write_image(&codes, width, height, color).map_err(too_large)?;
         let view = self.view(&png, None);
-        let image = self.root.push(json::Image {
-            buffer_view: Some(view),
-            mime_type: Some(json::image::MimeType("image/png".into())),
-            name: Some(source.name.clone()),
-            uri: None,
-            extensions: None,
-            extras: Default::default(),
+        let image = json!({ "bufferView": view, "mimeType": "image/png", "name": source.name });
+        let image = self.push("images", image);
+        let [s, t] = source.wrap.map(|mode| match mode {
+            Wrap::Repeat => 10497,
+            Wrap::MirroredRepeat => 33648,
+            Wrap::ClampToEdge => 33071,
         });
-        let wrap = |mode| match mode {
-            Wrap::Repeat => texture::WrappingMode::Repeat,
-            Wrap::MirroredRepeat => texture::WrappingMode::MirroredRepeat,
-            Wrap::ClampToEdge => texture::WrappingMode::ClampToEdge,
-        };
-        let magnify = if source.nearest { texture::MagFilter::Nearest } else { texture::MagFilter::Linear };
-        let sampler = self.root.push(texture::Sampler {
-            mag_filter: Some(Valid(magnify)),
-            min_filter: Some(Valid(texture::MinFilter::LinearMipmapLinear)),
-            wrap_s: Valid(wrap(source.wrap[0])),
-            wrap_t: Valid(wrap(source.wrap[1])),
-            ..Default::default()
-        });
-        self.root.push(json::Texture {
-            name: None,
-            sampler: Some(sampler),
-            source: image,
-            extensions: None,
-            extras: Default::default(),
-        });
+        let magnify = if source.nearest { 9728 } else { 9729 };
+        let sampler = json!({ "magFilter": magnify, "minFilter": 9987, "wrapS": s, "wrapT": t });
+        let sampler = self.push("samplers", sampler);
+        self.push("textures", json!({ "sampler": sampler, "source": image }));
         Ok(())
     }
 
-    fn material(&self, source: &Material) -> json::Material {
-        let info = |texture: Option<usize>| {
-            texture.map(|texture| texture::Info {
-                index: Index::new(texture as u32),
-                tex_coord: 0,
-                extensions: None,
-                extras: Default::default(),
-            })
+    fn material(&mut self, source: &Material) -> Value {
+        let info = |texture: Option<usize>| texture.map(|texture| json!({ "index": texture }));
+        let mut extensions = Map::new();
+        let mut extension = |name: &'static str, content: Value| {
+            self.extensions.insert(name);
+            extensions.insert(name.to_owned(), object(content));
         };
+        // What is unlit emits its colour, and is read so.
+        let [color, color_texture] = match source.unlit {
+            true => [json!(source.emissive.to_array()), json!(info(source.emissive_texture))],
+            false => [json!(source.base_color.to_array()), json!(info(source.base_color_texture))],
+        };
+        let mut color = color;
+        color.as_array_mut().into_iter().for_each(|color| color.push(json!(1.0)));
+        let pbr = json!({
+            "baseColorFactor": color,
+            "baseColorTexture": color_texture,
+            "metallicFactor": source.metallic,
+            "roughnessFactor": source.roughness,
+            "metallicRoughnessTexture": info(source.metallic_roughness_texture),
+        });
+        if source.unlit {
+            extension("KHR_materials_unlit", json!({}));
+            let pbr = object(pbr);
+            return json!({
+                "name": source.name, "doubleSided": source.double_sided, "pbrMetallicRoughness": pbr, "extensions": extensions,
+            });
+        }
         // Factors end at 1. A power of two moves into the strength, which keeps every bit.
         let most = source.emissive.max_element();
         let strength = if most > 1.0 { most.log2().ceil().exp2() } else { 1.0 };
-        let [r, g, b] = source.base_color.to_array();
-        let specular = extension::Specular {
-            specular_factor: extension::SpecularFactor(source.specular),
-            specular_texture: info(source.specular_texture),
-            specular_color_factor: extension::SpecularColorFactor(source.specular_color.to_array()),
-            specular_color_texture: info(source.specular_color_texture),
-            extras: Default::default(),
-        };
-        let ior = extension::Ior { ior: extension::IndexOfRefraction(source.ior), extras: Default::default() };
-        let shines = extension::EmissiveStrength { emissive_strength: extension::EmissiveStrengthFactor(strength) };
-        json::Material {
-            name: Some(source.name.clone()),
-            double_sided: source.double_sided,
-            pbr_metallic_roughness: PbrMetallicRoughness {
-                base_color_factor: PbrBaseColorFactor([r, g, b, 1.0]),
-                base_color_texture: info(source.base_color_texture),
-                metallic_factor: StrengthFactor(source.metallic),
-                roughness_factor: StrengthFactor(source.roughness),
-                metallic_roughness_texture: info(source.metallic_roughness_texture),
-                ..Default::default()
-            },
-            normal_texture: source.normal_texture.map(|texture| NormalTexture {
-                index: Index::new(texture as u32),
-                scale: source.normal_scale,
-                tex_coord: 0,
-                extensions: None,
-                extras: Default::default(),
-            }),
-            emissive_texture: info(source.emissive_texture),
-            emissive_factor: EmissiveFactor((source.emissive / strength).to_array()),
-            extensions: Some(extension::Material {
-                specular: Some(specular),
-                ior: (source.ior != 1.5).then_some(ior),
-                emissive_strength: (strength > 1.0).then_some(shines),
-                ..Default::default()
-            }),
-            ..Default::default()
+        let specular = json!({
+            "specularFactor": source.specular,
+            "specularTexture": info(source.specular_texture),
+            "specularColorFactor": source.specular_color.to_array(),
+            "specularColorTexture": info(source.specular_color_texture),
+        });
+        extension("KHR_materials_specular", specular);
+        if source.ior != 1.5 {
+            extension("KHR_materials_ior", json!({ "ior": source.ior }));
         }
+        if strength > 1.0 {
+            extension("KHR_materials_emissive_strength", json!({ "emissiveStrength": strength }));
+        }
+        let normal = source.normal_texture.map(|texture| json!({ "index": texture, "scale": source.normal_scale }));
+        json!({
+            "name": source.name,
+            "doubleSided": source.double_sided,
+            "pbrMetallicRoughness": object(pbr),
+            "normalTexture": normal,
+            "emissiveTexture": info(source.emissive_texture),
+            "emissiveFactor": (source.emissive / strength).to_array(),
+            "extensions": extensions,
+        })
     }
 
     /// Makes one primitive a material, each with the vertices that it uses, in their order.
-    fn primitives(&mut self, mesh: &Mesh, materials: usize) -> Vec<Primitive> {
+    fn primitives(&mut self, mesh: &Mesh, materials: usize) -> Vec<Value> {
         let mut primitives = Vec::new();
         for material in 0..materials as u32 {
             let triangles = mesh.triangles.iter().zip(&mesh.materials).filter(|(_, own)| **own == material);
@@ -221,38 +195,32 @@ impl Writer {
             let indices: Vec<u32> = triangles.flat_map(|(corners, _)| corners.map(|v| place[&v])).collect();
             let positions: Vec<Vec3> = used.iter().map(|v| mesh.positions[*v]).collect();
             let fold = |f: fn(Vec3, Vec3) -> Vec3| positions.iter().copied().fold(positions[0], f).to_array();
-            let bounds = Some([fold(Vec3::min), fold(Vec3::max)].map(|bound| serde_json::json!(bound)));
-            let (count, vec3) = (used.len(), (ComponentType::F32, Type::Vec3));
-            let vertices = Some(BufferTarget::ArrayBuffer);
-            let mut attributes = BTreeMap::new();
-            let index = self.accessor(bytemuck::cast_slice(&positions), count, vec3, vertices, bounds);
-            attributes.insert(Valid(Semantic::Positions), index);
+            let bounds = Some([fold(Vec3::min), fold(Vec3::max)].map(|bound| json!(bound)));
+            let count = used.len();
+            let mut attributes = Map::new();
+            let index = self.accessor(bytemuck::cast_slice(&positions), count, VEC3, VERTICES, bounds);
+            attributes.insert("POSITION".into(), index.into());
             let normals: Vec<Vec3> = used.iter().map(|v| mesh.normals[*v]).collect();
-            let index = self.accessor(bytemuck::cast_slice(&normals), count, vec3, vertices, None);
-            attributes.insert(Valid(Semantic::Normals), index);
+            let index = self.accessor(bytemuck::cast_slice(&normals), count, VEC3, VERTICES, None);
+            attributes.insert("NORMAL".into(), index.into());
             if !mesh.uvs.is_empty() {
                 let uvs: Vec<glam::Vec2> = used.iter().map(|v| mesh.uvs[*v]).collect();
-                let kind = (ComponentType::F32, Type::Vec2);
-                let index = self.accessor(bytemuck::cast_slice(&uvs), count, kind, vertices, None);
-                attributes.insert(Valid(Semantic::TexCoords(0)), index);
+                let index = self.accessor(bytemuck::cast_slice(&uvs), count, (F32, "VEC2"), VERTICES, None);
+                attributes.insert("TEXCOORD_0".into(), index.into());
+            }
+            if !mesh.colors.is_empty() {
+                let colors: Vec<Vec3> = used.iter().map(|v| mesh.colors[*v]).collect();
+                let index = self.accessor(bytemuck::cast_slice(&colors), count, VEC3, VERTICES, None);
+                attributes.insert("COLOR_0".into(), index.into());
             }
             let tangents: Vec<[f32; 4]> = used.iter().filter_map(|v| mesh.tangents.get(*v).copied()).collect();
             if tangents.iter().any(|tangent| *tangent != [0.0; 4]) {
-                let kind = (ComponentType::F32, Type::Vec4);
-                let index = self.accessor(bytemuck::cast_slice(&tangents), count, kind, vertices, None);
-                attributes.insert(Valid(Semantic::Tangents), index);
+                let index = self.accessor(bytemuck::cast_slice(&tangents), count, (F32, "VEC4"), VERTICES, None);
+                attributes.insert("TANGENT".into(), index.into());
             }
-            let (kind, target) = ((ComponentType::U32, Type::Scalar), Some(BufferTarget::ElementArrayBuffer));
-            let indices = self.accessor(bytemuck::cast_slice(&indices), indices.len(), kind, target, None);
-            primitives.push(Primitive {
-                attributes,
-                extensions: None,
-                extras: Default::default(),
-                indices: Some(indices),
-                material: Some(Index::new(material)),
-                mode: Valid(Mode::Triangles),
-                targets: None,
-            });
+            let bytes = bytemuck::cast_slice(&indices);
+            let indices = self.accessor(bytes, indices.len(), (U32, "SCALAR"), INDICES, None);
+            primitives.push(json!({ "attributes": attributes, "indices": indices, "material": material }));
         }
         primitives
     }
@@ -260,108 +228,80 @@ impl Writer {
     fn nodes(&mut self, model: &Model) {
         let nodes = &model.rig.nodes;
         for (index, node) in nodes.iter().enumerate() {
-            let children = (0..nodes.len()).filter(|child| nodes[*child].parent == Some(index));
-            let children: Vec<_> = children.map(|child| Index::new(child as u32)).collect();
-            let mut out = json::Node {
-                name: Some(node.name.clone()),
-                mesh: node.mesh.map(|mesh| Index::new(mesh as u32)),
-                children: (!children.is_empty()).then_some(children),
-                ..Default::default()
-            };
+            let children: Vec<usize> = (0..nodes.len()).filter(|child| nodes[*child].parent == Some(index)).collect();
+            let children = (!children.is_empty()).then_some(children);
+            let mut out = json!({ "name": node.name, "mesh": node.mesh, "children": children });
             match node.local {
                 Local::Transform(transform) => {
-                    out.translation = Some(transform.translation.to_array());
-                    out.rotation = Some(UnitQuaternion(transform.rotation.to_array()));
-                    out.scale = Some(transform.scale.to_array());
+                    out["translation"] = json!(transform.translation.to_array());
+                    out["rotation"] = json!(transform.rotation.to_array());
+                    out["scale"] = json!(transform.scale.to_array());
                 }
-                Local::Matrix(matrix) => out.matrix = Some(Mat4::from(matrix).to_cols_array()),
+                Local::Matrix(matrix) => out["matrix"] = json!(Mat4::from(matrix).to_cols_array()),
             }
-            self.root.nodes.push(out);
+            self.push("nodes", out);
         }
-        let roots = (0..nodes.len()).filter(|node| nodes[*node].parent.is_none());
-        let scene = json::Scene {
-            extensions: None,
-            extras: Default::default(),
-            name: Some(model.name.clone()),
-            nodes: roots.map(|node| Index::new(node as u32)).collect(),
-        };
-        self.root.scene = Some(self.root.push(scene));
+        let roots: Vec<usize> = (0..nodes.len()).filter(|node| nodes[*node].parent.is_none()).collect();
+        let roots = (!roots.is_empty()).then_some(roots);
+        self.push("scenes", json!({ "name": model.name, "nodes": roots }));
     }
 
     fn animations(&mut self, model: &Model) {
-        for clip in &model.rig.clips {
+        for clip in model.rig.clips.iter().filter(|clip| !clip.channels.is_empty()) {
             let (mut channels, mut samplers) = (Vec::new(), Vec::new());
             for channel in &clip.channels {
                 let times = &channel.times;
-                let ends = [times.first(), times.last()].map(|time| serde_json::json!([time]));
-                let kind = (ComponentType::F32, Type::Scalar);
-                let input = self.accessor(bytemuck::cast_slice(times), times.len(), kind, None, Some(ends));
+                let ends = [times.first(), times.last()].map(|time| json!([time]));
+                let bytes = bytemuck::cast_slice(times);
+                let input = self.accessor(bytes, times.len(), (F32, "SCALAR"), None, Some(ends));
                 let (path, kind, width) = match channel.property {
-                    Property::Translation => (Path::Translation, Type::Vec3, 3),
-                    Property::Rotation => (Path::Rotation, Type::Vec4, 4),
-                    Property::Scale => (Path::Scale, Type::Vec3, 3),
+                    Property::Translation => ("translation", VEC3, 3),
+                    Property::Rotation => ("rotation", (F32, "VEC4"), 4),
+                    Property::Scale => ("scale", VEC3, 3),
                 };
                 let values: Vec<f32> =
                     channel.values.iter().flat_map(|value| value.to_array().into_iter().take(width)).collect();
-                let kind = (ComponentType::F32, kind);
-                let output = self.accessor(bytemuck::cast_slice(&values), channel.values.len(), kind, None, None);
+                let bytes = bytemuck::cast_slice(&values);
+                let output = self.accessor(bytes, channel.values.len(), kind, None, None);
                 let interpolation = match channel.join {
-                    Join::Linear => Interpolation::Linear,
-                    Join::Step => Interpolation::Step,
-                    Join::CubicSpline => Interpolation::CubicSpline,
+                    Join::Linear => "LINEAR",
+                    Join::Step => "STEP",
+                    Join::CubicSpline => "CUBICSPLINE",
                 };
-                channels.push(Channel {
-                    sampler: Index::new(samplers.len() as u32),
-                    target: Target {
-                        extensions: None,
-                        extras: Default::default(),
-                        node: Index::new(channel.node as u32),
-                        path: Valid(path),
-                    },
-                    extensions: None,
-                    extras: Default::default(),
-                });
-                samplers.push(Sampler {
-                    extensions: None,
-                    extras: Default::default(),
-                    input,
-                    interpolation: Valid(interpolation),
-                    output,
-                });
+                let target = json!({ "node": channel.node, "path": path });
+                channels.push(json!({ "sampler": samplers.len(), "target": target }));
+                samplers.push(json!({ "input": input, "interpolation": interpolation, "output": output }));
             }
-            let name = Some(clip.name.clone());
-            let animation = Animation { extensions: None, extras: Default::default(), channels, name, samplers };
-            self.root.animations.push(animation);
+            self.push("animations", json!({ "name": clip.name, "channels": channels, "samplers": samplers }));
         }
     }
 
     fn finish(mut self) -> Result<Vec<u8>> {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        self.root.asset.generator = Some(concat!("iprt ", env!("CARGO_PKG_VERSION")).into());
-        let used = |wanted: fn(&extension::Material) -> bool| {
-            self.root.materials.iter().filter_map(|material| material.extensions.as_ref()).any(wanted)
-        };
-        let [_, strength, specular, ior, _] = SUPPORTED;
-        let uses = [
-            (strength, used(|material| material.emissive_strength.is_some())),
-            (specular, used(|material| material.specular.is_some())),
-            (ior, used(|material| material.ior.is_some())),
-        ];
-        self.root.extensions_used = uses.iter().filter(|(_, used)| *used).map(|(name, _)| (*name).into()).collect();
         if !self.bytes.is_empty() {
-            self.root.buffers.push(json::Buffer {
-                byte_length: USize64::from(self.bytes.len()),
-                name: None,
-                uri: None,
-                extensions: None,
-                extras: Default::default(),
-            });
+            self.push("buffers", json!({ "byteLength": self.bytes.len() }));
         }
-        let json = self.root.to_vec().map_err(too_large)?;
-        // The crate writes the true length itself.
-        let header = Header { magic: *b"glTF", version: 2, length: 0 };
-        Glb { header, json: Cow::Owned(json), bin: (!self.bytes.is_empty()).then_some(Cow::Owned(self.bytes)) }
-            .to_vec()
-            .map_err(too_large)
+        let mut root = json!(self.arrays);
+        root["asset"] = json!({ "version": "2.0", "generator": concat!("iprt ", env!("CARGO_PKG_VERSION")) });
+        root["scene"] = json!(0);
+        if !self.extensions.is_empty() {
+            root["extensionsUsed"] = json!(self.extensions);
+        }
+        let mut text = serde_json::to_vec(&root).map_err(too_large)?;
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut chunks = vec![(*b"JSON", text)];
+        if !self.bytes.is_empty() {
+            chunks.push((*b"BIN\0", self.bytes));
+        }
+        let length = 12 + chunks.iter().map(|(_, bytes)| 8 + bytes.len()).sum::<usize>();
+        let mut out = Vec::with_capacity(length);
+        let word = |length: usize| u32::try_from(length).map(u32::to_le_bytes).map_err(too_large);
+        out.extend([*b"glTF", 2_u32.to_le_bytes(), word(length)?].concat());
+        for (kind, bytes) in chunks {
+            out.extend(word(bytes.len())?);
+            out.extend(kind);
+            out.extend(bytes);
+        }
+        Ok(out)
     }
 }

@@ -1,226 +1,190 @@
-//! Reads materials and textures of a glTF file.
+//! Reads materials of a glTF file. A factor out of range is brought into it, with a warning.
 
-use super::{File, resource};
-use crate::{
-    Result,
-    scene::{
-        material::{Material, TexelEncoding, Texture, Wrap},
-        model::Model,
-    },
+use super::{
+    File,
+    json::Json,
+    texture::{Slot, Textures, UvSource},
 };
-use ::gltf::{
-    material::AlphaMode,
-    texture::{Info, MagFilter, WrappingMode},
+use crate::scene::{
+    material::{Material, TexelEncoding},
+    model::Model,
 };
-use glam::{Mat2, Vec2, Vec3};
-use std::collections::{HashMap, hash_map::Entry};
+use glam::Vec3;
 
-/// Which texture coordinates a material uses, and how KHR_texture_transform moves them. It is baked into the
-/// vertices.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct UvSource {
-    pub set: u32,
-    offset: Vec2,
-    linear: Mat2,
-}
-
-impl UvSource {
-    const PLAIN: Self = Self { set: 0, offset: Vec2::ZERO, linear: Mat2::IDENTITY };
-
-    fn new(set: u32, offset: [f32; 2], rotation: f32, scale: [f32; 2]) -> Self {
-        // The rotation is counter-clockwise as seen, with v growing downwards.
-        let (sin, cos) = rotation.sin_cos();
-        let rotate = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
-        Self { set, offset: Vec2::from(offset), linear: rotate * Mat2::from_diagonal(Vec2::from(scale)) }
-    }
-
-    /// Returns the coordinates at which the textures are read.
-    pub(super) fn apply(&self, uv: Vec2) -> Vec2 {
-        self.offset + self.linear * uv
-    }
-}
-
-struct TextureUse {
-    texture: usize,
-    uv: UvSource,
-}
-
-/// The materials used so far. Only these are decoded.
+/// The materials used so far.
 pub(super) struct Materials {
-    /// Model material, texture coordinates, and whether it has a normal map. The last entry is the default
-    /// material.
-    known: Vec<Option<(u32, UvSource, bool)>>,
-    textures: HashMap<(usize, TexelEncoding), usize>,
-    images: HashMap<usize, ([u32; 2], Vec<[u8; 4]>)>,
+    /// The last entry is the default material.
+    known: Vec<Option<Used>>,
+    textures: Textures,
+}
+
+/// A material in the model.
+#[derive(Clone, Copy)]
+pub(super) struct Used {
+    pub place: u32,
+    pub uv: UvSource,
+    pub normal_mapped: bool,
 }
 
 impl Materials {
     pub(super) fn new(count: usize) -> Self {
-        Self { known: vec![None; count + 1], textures: HashMap::new(), images: HashMap::new() }
+        Self { known: vec![None; count + 1], textures: Textures::default() }
     }
 
-    /// Returns the place of material `index` in the model (`None`: glTF's default), its texture coordinates,
-    /// and whether it has a normal map.
-    pub(super) fn get(
-        &mut self,
-        file: &mut File,
-        index: Option<usize>,
-        model: &mut Model,
-    ) -> Result<(u32, UvSource, bool)> {
-        let place = index.unwrap_or(self.known.len() - 1);
-        if let Some(Some(known)) = self.known.get(place) {
-            return Ok(*known);
+    /// Returns material `index` (`None`: glTF's default), which is read and added to the model on first use.
+    pub(super) fn get(&mut self, file: &File, index: Option<usize>, model: &mut Model) -> Used {
+        let last = self.known.len() - 1;
+        let exists = |index: &usize| {
+            let exists = *index < last;
+            if !exists {
+                file.warn(&format!("material {index}"), "does not exist: the default material is taken");
+            }
+            exists
+        };
+        let index = index.filter(exists);
+        let entry = index.unwrap_or(last);
+        if let Some(known) = self.known[entry] {
+            return known;
         }
-        let mut material = Material::default();
-        let mut uv = UvSource::PLAIN;
-        if let Some(index) = index {
-            let Some(source) = file.document.materials().nth(index) else {
-                return Err(file.broken(format!("material {index} does not exist")));
-            };
-            (material, uv) = self.load(file, &source, index, model)?;
-        }
-        let entry = (model.materials.len() as u32, uv, material.normal_texture.is_some());
+        let (material, uv) = match index {
+            Some(index) => self.load(file, index, model),
+            None => (Material::default(), UvSource::PLAIN),
+        };
+        let used = Used { place: model.materials.len() as u32, uv, normal_mapped: material.normal_texture.is_some() };
         model.materials.push(material);
-        self.known[place] = Some(entry);
-        Ok(entry)
+        self.known[entry] = Some(used);
+        used
     }
 
-    fn load(
-        &mut self,
-        file: &mut File,
-        source: &::gltf::Material,
-        index: usize,
-        model: &mut Model,
-    ) -> Result<(Material, UvSource)> {
-        let name = source.name().map_or_else(|| format!("material {index}"), str::to_owned);
-        match source.alpha_mode() {
-            AlphaMode::Opaque => {}
-            AlphaMode::Mask => file.warn("alpha mode MASK", "drawn opaque"),
-            AlphaMode::Blend => file.warn("alpha mode BLEND", "drawn opaque"),
+    fn load(&mut self, file: &File, index: usize, model: &mut Model) -> (Material, UvSource) {
+        let source = file.root.entry("materials", index);
+        let user = format!("material {index}");
+        match source.text("alphaMode") {
+            None | Some("OPAQUE") => {}
+            Some(mode @ ("MASK" | "BLEND")) => file.unsupported(&user, &format!("alpha mode {mode}"), "drawn opaque"),
+            Some(_) => file.warn(&user, "has an alpha mode that is not known: drawn opaque"),
         }
-        if source.transmission().is_some_and(|transmission| transmission.transmission_factor() > 0.0) {
-            file.warn("KHR_materials_transmission", "drawn opaque");
+        if source.extension("KHR_materials_transmission").number("transmissionFactor").is_some_and(|x| x > 0.0) {
+            file.unsupported(&user, "KHR_materials_transmission", "drawn opaque");
         }
-        let pbr = source.pbr_metallic_roughness();
-        let specular = source.specular();
-        let normal = source.normal_texture();
-        let slot = |info: Option<Info>| info.map(|info| slot(&info));
-        let normal_slot = normal.as_ref().map(|normal| {
-            let others =
-                file.root.materials[index].normal_texture.as_ref().and_then(|normal| normal.extensions.as_ref());
-            let transform = others.and_then(|extensions| extensions.others.get("KHR_texture_transform"));
-            TextureUse { texture: normal.texture().index(), uv: uv_from_json(normal.tex_coord(), transform) }
-        });
+        let factors = Factors { file, user: &user };
+        let pbr = source.get("pbrMetallicRoughness");
+        let specular = source.extension("KHR_materials_specular");
+        let glossy = source.extension("KHR_materials_pbrSpecularGlossiness");
+        let base = if glossy.exists() { glossy.get("diffuseTexture") } else { pbr.get("baseColorTexture") };
+        let specular_color = if glossy.exists() {
+            glossy.get("specularGlossinessTexture")
+        } else {
+            specular.get("specularColorTexture")
+        };
+        let roughness = if glossy.exists() { specular_color } else { pbr.get("metallicRoughnessTexture") };
+
+        let normal = source.get("normalTexture");
         let slots = [
-            (slot(pbr.base_color_texture()), TexelEncoding::Srgb),
-            (slot(pbr.metallic_roughness_texture()), TexelEncoding::Linear),
-            (normal_slot, TexelEncoding::Normal),
-            (slot(source.emissive_texture()), TexelEncoding::Srgb),
-            (slot(specular.as_ref().and_then(|specular| specular.specular_texture())), TexelEncoding::Linear),
-            (slot(specular.as_ref().and_then(|specular| specular.specular_color_texture())), TexelEncoding::Srgb),
+            (base, TexelEncoding::Srgb),
+            (roughness, TexelEncoding::Linear),
+            (normal, TexelEncoding::Normal),
+            (source.get("emissiveTexture"), TexelEncoding::Srgb),
+            (specular.get("specularTexture"), TexelEncoding::Linear),
+            (specular_color, TexelEncoding::Srgb),
         ];
         let mut uv: Option<UvSource> = None;
-        let mut textures = [None; 6];
-        for ((slot, encoding), texture) in slots.into_iter().zip(&mut textures) {
-            let Some(slot) = slot else { continue };
+        let textures = slots.map(|(info, encoding)| {
+            let slot = Slot::of(info)?;
+            let texture = self.textures.get(file, slot.texture, encoding, model)?;
             if *uv.get_or_insert(slot.uv) != slot.uv {
-                file.warn("a material whose textures have different coordinates", "all use those of the first");
+                let what = "a material whose textures have different coordinates";
+                file.unsupported(&user, what, "all use those of the first");
             }
-            *texture = Some(self.texture(file, slot.texture, encoding, model)?);
-        }
+            Some(texture)
+        });
         let [base_color_texture, metallic_roughness_texture, normal_texture, emissive_texture, s, sc] = textures;
-        let [r, g, b, _] = pbr.base_color_factor();
-        let specular_color = specular.as_ref().map_or([1.0; 3], |specular| specular.specular_color_factor());
-        let material = Material {
-            name,
-            base_color: Vec3::new(r, g, b),
-            metallic: pbr.metallic_factor(),
-            roughness: pbr.roughness_factor(),
-            emissive: Vec3::from(source.emissive_factor()) * source.emissive_strength().unwrap_or(1.0),
-            specular: specular.as_ref().map_or(1.0, |specular| specular.specular_factor()),
-            specular_color: Vec3::from(specular_color),
-            ior: source.ior().unwrap_or(1.5),
-            normal_scale: normal.as_ref().map_or(1.0, |normal| normal.scale()),
-            double_sided: source.double_sided(),
+        let strength = source.extension("KHR_materials_emissive_strength").number("emissiveStrength").unwrap_or(1.0);
+        let mut material = Material {
+            name: source.text("name").map_or_else(|| user.clone(), str::to_owned),
+            base_color: factors.color(pbr, "baseColorFactor", 1.0, Vec3::ONE),
+            metallic: factors.part(pbr, "metallicFactor", 1.0),
+            roughness: factors.part(pbr, "roughnessFactor", 1.0),
+            emissive: factors.color(source, "emissiveFactor", f32::MAX, Vec3::ZERO) * strength.max(0.0),
+            specular: factors.part(specular, "specularFactor", 1.0),
+            specular_color: factors.color(specular, "specularColorFactor", f32::MAX, Vec3::ONE),
+            ior: factors.ior(source.extension("KHR_materials_ior")),
+            normal_scale: normal.number("scale").unwrap_or(1.0),
+            double_sided: source.flag("doubleSided"),
             base_color_texture,
             metallic_roughness_texture,
             normal_texture,
             emissive_texture,
             specular_texture: s,
             specular_color_texture: sc,
+            unlit: false,
         };
-        check(file, &material, index)?;
-        Ok((material, uv.unwrap_or(UvSource::PLAIN)))
-    }
-
-    fn texture(&mut self, file: &File, index: usize, encoding: TexelEncoding, model: &mut Model) -> Result<usize> {
-        if let Some(texture) = self.textures.get(&(index, encoding)) {
-            return Ok(*texture);
+        material.emissive = material.emissive.min(Vec3::splat(f32::MAX));
+        if glossy.exists() {
+            self.specular_glossiness(&factors, glossy, &mut material, model);
         }
-        let Some(source) = file.document.textures().nth(index) else {
-            return Err(file.broken(format!("texture {index} does not exist")));
-        };
-        let image = source.source().index();
-        let (size, texels) = match self.images.entry(image) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(resource::image(file, image)?),
-        };
-        let wrap = |mode: WrappingMode| match mode {
-            WrappingMode::Repeat => Wrap::Repeat,
-            WrappingMode::MirroredRepeat => Wrap::MirroredRepeat,
-            WrappingMode::ClampToEdge => Wrap::ClampToEdge,
-        };
-        let sampler = source.sampler();
-        model.textures.push(Texture {
-            name: format!("{}: image {image}", file.subject),
-            size: *size,
-            texels: texels.clone(),
-            encoding,
-            wrap: [wrap(sampler.wrap_s()), wrap(sampler.wrap_t())],
-            nearest: sampler.mag_filter() == Some(MagFilter::Nearest),
-        });
-        let texture = model.textures.len() - 1;
-        self.textures.insert((index, encoding), texture);
-        Ok(texture)
+        if source.extension("KHR_materials_unlit").exists() {
+            material = material.unlit();
+        }
+        (material, uv.unwrap_or(UvSource::PLAIN))
+    }
+
+    /// KHR_materials_pbrSpecularGlossiness as a dielectric whose F0 is what the file says. Of the light that
+    /// a surface does not reflect, glTF's dielectric with its F0 of 0.04 scatters `base_color`.
+    fn specular_glossiness(&mut self, factors: &Factors, glossy: Json, material: &mut Material, model: &mut Model) {
+        let diffuse = factors.color(glossy, "diffuseFactor", 1.0, Vec3::ONE);
+        let f0 = factors.color(glossy, "specularFactor", 1.0, Vec3::ONE);
+        let glossiness = factors.part(glossy, "glossinessFactor", 1.0);
+        material.base_color = (diffuse * ((1.0 - f0.max_element()) / 0.96)).min(Vec3::ONE);
+        material.specular_color = f0 / 0.04;
+        material.metallic = 0.0;
+        material.roughness = 1.0 - glossiness;
+        // The texture's alpha is glossiness. What is read is roughness in G and metallic in B.
+        if let Some(texture) = material.metallic_roughness_texture {
+            let mut rough = model.textures[texture].clone();
+            for texel in &mut rough.texels {
+                let roughness = 1.0 - glossiness * f32::from(texel[3]) / 255.0;
+                *texel = [255, (roughness * 255.0 + 0.5) as u8, 0, 255];
+            }
+            model.textures.push(rough);
+            material.metallic_roughness_texture = Some(model.textures.len() - 1);
+            material.roughness = 1.0;
+        }
     }
 }
 
-fn slot(info: &Info) -> TextureUse {
-    let uv = match info.texture_transform() {
-        Some(transform) => UvSource::new(
-            transform.tex_coord().unwrap_or_else(|| info.tex_coord()),
-            transform.offset(),
-            transform.rotation(),
-            transform.scale(),
-        ),
-        None => UvSource { set: info.tex_coord(), ..UvSource::PLAIN },
-    };
-    TextureUse { texture: info.texture().index(), uv }
+/// Reads factors of a material.
+struct Factors<'a> {
+    file: &'a File<'a>,
+    user: &'a str,
 }
 
-/// The glTF crate does not read the transform of normal textures.
-fn uv_from_json(set: u32, transform: Option<&serde_json::Value>) -> UvSource {
-    let Some(transform) = transform else { return UvSource { set, ..UvSource::PLAIN } };
-    let number = |value: &serde_json::Value| value.as_f64().map(|value| value as f32);
-    let pair = |key: &str| Some([number(transform.get(key)?.get(0)?)?, number(transform.get(key)?.get(1)?)?]);
-    let own_set = transform.get("texCoord").and_then(|value| u32::try_from(value.as_u64()?).ok());
-    let rotation = transform.get("rotation").and_then(number).unwrap_or(0.0);
-    UvSource::new(
-        own_set.unwrap_or(set),
-        pair("offset").unwrap_or([0.0; 2]),
-        rotation,
-        pair("scale").unwrap_or([1.0; 2]),
-    )
-}
+impl Factors<'_> {
+    fn clamped(&self, values: Vec3, most: f32, key: &str) -> Vec3 {
+        let inside = values.clamp(Vec3::ZERO, Vec3::splat(most));
+        if inside != values {
+            self.file.warn(self.user, &format!("its {key} is out of range: the nearest value in it is taken"));
+        }
+        inside
+    }
 
-/// Refuses factors outside what glTF allows.
-fn check(file: &File, material: &Material, index: usize) -> Result<()> {
-    let parts = [material.metallic, material.roughness, material.specular];
-    let colors = [material.base_color, material.specular_color, material.emissive];
-    let fine = parts.iter().all(|value| (0.0..=1.0).contains(value))
-        && material.base_color.max_element() <= 1.0
-        && colors.iter().all(|color| color.is_finite() && color.min_element() >= 0.0)
-        && (material.ior == 0.0 || (1.0..=100.0).contains(&material.ior))
-        && material.normal_scale.is_finite();
-    if fine { Ok(()) } else { Err(file.broken(format!("material {index} has a factor out of range"))) }
+    fn part(&self, from: Json, key: &str, default: f32) -> f32 {
+        from.number(key).map_or(default, |value| self.clamped(Vec3::splat(value), 1.0, key).x)
+    }
+
+    /// Reads the first three numbers of a colour, which may be three or four.
+    fn color(&self, from: Json, key: &str, most: f32, default: Vec3) -> Vec3 {
+        let four = from.numbers::<4>(key).map(|[r, g, b, _]| [r, g, b]);
+        let color = four.or_else(|| from.numbers::<3>(key)).map(Vec3::from);
+        color.map_or(default, |color| self.clamped(color, most, key))
+    }
+
+    fn ior(&self, from: Json) -> f32 {
+        let ior = from.number("ior").unwrap_or(1.5);
+        if ior == 0.0 || (1.0..=100.0).contains(&ior) {
+            return ior;
+        }
+        self.file.warn(self.user, "its ior is out of range: 1.5 is taken");
+        1.5
+    }
 }

@@ -1,130 +1,125 @@
 //! Reads meshes. All primitives of one mesh become one triangle list with a material for each triangle.
 
-use super::{File, accessor, material::Materials, material::UvSource, tangent};
-use crate::{
-    Result,
-    scene::model::{Mesh, Model},
+use super::{
+    CONVERTERS, Fault, File, Read, accessor, fault,
+    json::Json,
+    material::{Materials, Used},
+    skin::{self, Influence},
+    tangent,
 };
-use ::gltf::{
-    Semantic,
-    json::{mesh::Mode, mesh::Primitive, validation::Checked},
-};
-use glam::{Vec2, Vec3};
+use crate::scene::model::{Mesh, Model};
+use glam::{Mat4, Vec2, Vec3};
 
-struct DecodedPrimitive {
+/// One primitive. Every array is empty or has an entry for each position.
+#[derive(Default)]
+struct Part {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     tangents: Vec<[f32; 4]>,
+    /// Linear.
+    colors: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
 }
 
-/// Reads mesh `index`, and adds its materials and textures to `model`.
-pub(super) fn load(file: &mut File, index: usize, materials: &mut Materials, model: &mut Model) -> Result<Mesh> {
-    let root = file.root;
-    let source = &root.meshes[index];
-    let mut mesh = Mesh { name: source.name.clone().unwrap_or_else(|| format!("{index}")), ..Mesh::default() };
-    if source.weights.is_some() || source.primitives.iter().any(|primitive| primitive.targets.is_some()) {
-        file.warn("a morph target", "drawn without it");
+/// Reads mesh `index`, and adds its materials and textures to `model`. With `joints` its vertices stand where
+/// these put them.
+pub(super) fn load(
+    file: &File,
+    index: usize,
+    joints: Option<&[Mat4]>,
+    materials: &mut Materials,
+    model: &mut Model,
+) -> Read<Mesh> {
+    let source = file.root.entry("meshes", index);
+    let mut mesh = Mesh { name: source.name_or(index), ..Mesh::default() };
+    if source.list("primitives").any(|primitive| primitive.list("targets").len() > 0) {
+        file.unsupported(&format!("mesh {index}"), "a morph target", "drawn without it");
     }
-    for (number, primitive) in source.primitives.iter().enumerate() {
+    for (number, primitive) in source.list("primitives").enumerate() {
         let user = format!("mesh {index}, primitive {number}");
-        let (material, uv_source, normal_mapped) =
-            materials.get(file, primitive.material.map(|material| material.value()), model)?;
-        let Some(part) = load_part(file, primitive, &user, uv_source, normal_mapped)? else { continue };
-        let first = mesh.positions.len() as u32;
+        let material = materials.get(file, primitive.index("material"), model);
+        let Some(part) = load_part(file, primitive, &user, material, joints)? else { continue };
+        let (first, vertices) = (mesh.positions.len(), part.positions.len());
         mesh.positions.extend(part.positions);
         mesh.normals.extend(part.normals);
         mesh.uvs.extend(part.uvs);
         mesh.tangents.extend(part.tangents);
-        mesh.materials.extend(std::iter::repeat_n(material, part.triangles.len()));
-        mesh.triangles.extend(part.triangles.iter().map(|triangle| triangle.map(|vertex| first + vertex)));
+        if !part.colors.is_empty() || !mesh.colors.is_empty() {
+            mesh.colors.resize(first, Vec3::ONE);
+            mesh.colors.extend(part.colors);
+            mesh.colors.resize(first + vertices, Vec3::ONE);
+        }
+        mesh.materials.extend(std::iter::repeat_n(material.place, part.triangles.len()));
+        mesh.triangles.extend(part.triangles.iter().map(|triangle| triangle.map(|vertex| first as u32 + vertex)));
     }
     Ok(mesh)
 }
 
-fn load_part(
-    file: &mut File,
-    primitive: &Primitive,
-    user: &str,
-    uv_source: UvSource,
-    normal_mapped: bool,
-) -> Result<Option<DecodedPrimitive>> {
-    let attribute =
-        |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|accessor| accessor.value());
-    if attribute(Semantic::Colors(0)).is_some() {
-        file.warn("a vertex colour", "drawn without it");
-    }
-    let Checked::Valid(mode) = primitive.mode else {
-        return Err(file.broken(format!("{user}: has no valid mode")));
+fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: Option<&[Mat4]>) -> Read<Option<Part>> {
+    let mode = match primitive.get("mode").exists() {
+        true => primitive.index("mode"),
+        false => Some(TRIANGLES),
     };
-    if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-        file.warn("a point or line", "left out");
+    if !mode.is_some_and(|mode| (TRIANGLES..=FAN).contains(&mode)) {
+        file.unsupported(user, "a point or line", "left out");
         return Ok(None);
     }
-    let Some(positions) = attribute(Semantic::Positions) else {
-        file.warn("a primitive without positions", "left out");
+    let attributes = primitive.get("attributes");
+    let Some(positions) = attributes.index("POSITION") else {
+        file.warn(user, "has no POSITION: left out");
         return Ok(None);
     };
+    if let Some((extension, command)) = CONVERTERS.iter().find(|(extension, _)| primitive.extension(extension).exists())
+        && !file.root.entry("accessors", positions).get("bufferView").exists()
+    {
+        return Err(Fault::compressed(user, extension, command));
+    }
     let elements = accessor::elements(file, positions, user)?;
     let vertices = elements.count;
     file.count_corners(vertices)?;
-    let positions: Vec<Vec3> =
-        elements.vectors(file, &format!("{user}: POSITION"))?.into_iter().map(Vec3::from_array).collect();
-    if positions.iter().any(|position| position.abs().max_element() >= 1e9) {
-        return Err(file.broken(format!("{user}: a position lies beyond 1e9")));
-    }
-    let optional = |file: &File, semantic: Semantic, name: &str| -> Result<Option<accessor::Elements>> {
-        let Some(index) = attribute(semantic) else { return Ok(None) };
-        let elements = accessor::elements(file, index, user)?;
-        if elements.count != vertices {
-            let problem = format!("{user}: {name} has {} elements for {vertices} vertices", elements.count);
-            return Err(file.broken(problem));
-        }
-        Ok(Some(elements))
+    let positions = elements.vectors(&format!("{user}: POSITION"))?.into_iter().map(Vec3::from_array).collect();
+
+    // What is not needed to know the shape is left out if it cannot be read.
+    let normals = optional(file, attributes, "NORMAL", vertices, user);
+    let uvs = optional(file, attributes, &format!("TEXCOORD_{}", material.uv.set), vertices, user);
+    let colors = optional(file, attributes, "COLOR_0", vertices, user).unwrap_or_default();
+    let tangents = if material.normal_mapped && normals.is_some() {
+        optional(file, attributes, "TANGENT", vertices, user).unwrap_or_default()
+    } else {
+        Vec::new()
     };
-    let normals = match optional(file, Semantic::Normals, "NORMAL")? {
-        Some(elements) => Some(elements.vectors(file, &format!("{user}: NORMAL"))?),
-        None => None,
-    };
-    let uvs = match optional(file, Semantic::TexCoords(uv_source.set), "TEXCOORD")? {
-        Some(elements) => {
-            elements.vectors(file, &format!("{user}: TEXCOORD"))?.into_iter().map(Vec2::from_array).collect()
-        }
-        None => vec![Vec2::ZERO; vertices],
-    };
-    let tangents = match optional(file, Semantic::Tangents, "TANGENT")? {
-        Some(elements) if normal_mapped && normals.is_some() => {
-            Some(elements.vectors(file, &format!("{user}: TANGENT"))?)
-        }
-        _ => None,
-    };
-    let corners = match primitive.indices {
+    let corners = match primitive.index("indices") {
         Some(index) => {
-            let elements = accessor::elements(file, index.value(), user)?;
+            let elements = accessor::elements(file, index, user)?;
             file.count_corners(elements.count)?;
-            elements.indices(file, &format!("{user}: its indices"))?
+            elements.indices(&format!("{user}: its indices"))?
         }
         None => (0..vertices as u32).collect(),
     };
-    if let Some(corner) = corners.iter().find(|corner| **corner as usize >= vertices) {
-        return Err(file.broken(format!("{user}: index {corner} is beyond its {vertices} vertices")));
-    }
-    let triangles = triangles(mode, &corners);
-
-    let mut part = DecodedPrimitive {
+    let uvs: Vec<[f32; 2]> = uvs.unwrap_or_else(|| vec![[0.0; 2]; vertices]);
+    let mut part = Part {
         positions,
-        normals: normals.iter().flatten().map(|normal| Vec3::from_array(*normal)).collect(),
-        uvs: uvs.into_iter().map(|uv| uv_source.apply(uv)).collect(),
-        tangents: tangents.unwrap_or_default(),
-        triangles,
+        normals: normals.into_iter().flatten().map(Vec3::from_array).collect(),
+        uvs: uvs.into_iter().map(|uv| material.uv.apply(Vec2::from_array(uv))).collect(),
+        tangents,
+        colors: colors
+            .into_iter()
+            .map(|color: [f32; 3]| Vec3::from_array(color).clamp(Vec3::ZERO, Vec3::ONE))
+            .collect(),
+        triangles: triangles(mode.unwrap_or(TRIANGLES), &corners),
     };
-    if normals.is_none() {
+    if let Some(joints) = joints {
+        let influences = skin::influences(file, attributes, vertices, user)?;
+        part.pose(joints, &influences);
+    }
+    part.leave_out_bad_vertices(file, user);
+    if part.normals.is_empty() {
         file.count_corners(part.triangles.len() * 3)?;
         part.unweld();
     }
     part.mend_normals();
-    if !normal_mapped {
+    if !material.normal_mapped {
         part.tangents = vec![[0.0; 4]; part.positions.len()];
     } else if part.tangents.is_empty() {
         file.count_corners(part.triangles.len() * 3)?;
@@ -133,29 +128,86 @@ fn load_part(
     Ok(Some(part))
 }
 
-fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
+/// Reads an attribute that the shape does not depend on. Numbers that are not finite become 0.
+fn optional<const N: usize>(
+    file: &File,
+    attributes: Json,
+    name: &str,
+    vertices: usize,
+    user: &str,
+) -> Option<Vec<[f32; N]>> {
+    let index = attributes.index(name)?;
+    let read = || {
+        let elements = accessor::elements(file, index, user)?;
+        if elements.count != vertices {
+            return Err(fault(format!("{user}: {name} has {} elements for {vertices} vertices", elements.count)));
+        }
+        elements.vectors(&format!("{user}: {name}"))
+    };
+    let finite =
+        |values: Vec<[f32; N]>| values.into_iter().map(|v| v.map(|x| if x.is_finite() { x } else { 0.0 })).collect();
+    read().map(finite).map_err(|fault| file.left_out(fault)).ok()
+}
+
+const TRIANGLES: usize = 4;
+const STRIP: usize = 5;
+const FAN: usize = 6;
+
+fn triangles(mode: usize, corners: &[u32]) -> Vec<[u32; 3]> {
     match mode {
-        Mode::TriangleStrip => (0..corners.len().saturating_sub(2))
+        STRIP => (0..corners.len().saturating_sub(2))
             .map(|i| if i % 2 == 0 { [i, i + 1, i + 2] } else { [i + 1, i, i + 2] }.map(|i| corners[i]))
             .collect(),
-        Mode::TriangleFan => corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]).collect(),
-        _ => corners.chunks_exact(3).map(|corner| [corner[0], corner[1], corner[2]]).collect(),
+        FAN => corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]).collect(),
+        _ => corners.as_chunks().0.to_vec(),
     }
 }
 
-impl DecodedPrimitive {
+impl Part {
     fn face_normal(&self, triangle: &[u32; 3]) -> Vec3 {
         let [a, b, c] = triangle.map(|vertex| self.positions[vertex as usize].as_dvec3());
         (b - a).cross(c - a).normalize_or_zero().as_vec3()
     }
 
+    fn pose(&mut self, joints: &[Mat4], influences: &[Influence]) {
+        skin::pose(joints, influences, &mut self.positions, &mut self.normals, &mut self.tangents);
+    }
+
+    /// Leaves out triangles with a vertex that does not exist, is not finite or lies beyond 1e9.
+    fn leave_out_bad_vertices(&mut self, file: &File, user: &str) {
+        let good: Vec<bool> = self.positions.iter().map(|p| p.is_finite() && p.abs().max_element() < 1e9).collect();
+        let before = self.triangles.len();
+        self.triangles.retain(|corners| corners.iter().all(|corner| good.get(*corner as usize) == Some(&true)));
+        let left_out = before - self.triangles.len();
+        if left_out > 0 {
+            let what = "triangles have a vertex that does not exist, is not finite or lies beyond 1e9";
+            file.warn(user, &format!("{left_out} {what}: left out"));
+        }
+        for (position, _) in self.positions.iter_mut().zip(good).filter(|(_, good)| !good) {
+            *position = Vec3::ZERO;
+        }
+    }
+
+    /// Makes vertex `i` what vertex `old[i]` was. Tangents are dropped.
+    fn take_vertices(&mut self, old: &[usize]) {
+        fn take<T: Copy>(values: &mut Vec<T>, old: &[usize]) {
+            if !values.is_empty() {
+                *values = old.iter().map(|vertex| values[*vertex]).collect();
+            }
+        }
+        take(&mut self.positions, old);
+        take(&mut self.normals, old);
+        take(&mut self.uvs, old);
+        take(&mut self.colors, old);
+        self.tangents.clear();
+    }
+
     /// Gives every triangle its own vertices and flat normals. glTF asks for this where there are no normals.
     fn unweld(&mut self) {
         let corners: Vec<usize> = self.triangles.iter().flatten().map(|vertex| *vertex as usize).collect();
-        self.normals = self.triangles.iter().flat_map(|triangle| [self.face_normal(triangle); 3]).collect();
-        self.positions = corners.iter().map(|corner| self.positions[*corner]).collect();
-        self.uvs = corners.iter().map(|corner| self.uvs[*corner]).collect();
-        self.tangents.clear();
+        let normals = self.triangles.iter().flat_map(|triangle| [self.face_normal(triangle); 3]).collect();
+        self.take_vertices(&corners);
+        self.normals = normals;
         self.triangles = (0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     }
 
@@ -180,7 +232,7 @@ impl DecodedPrimitive {
     }
 }
 
-impl tangent::Corners for DecodedPrimitive {
+impl tangent::Corners for Part {
     fn counts(&self) -> (usize, usize) {
         (self.positions.len(), self.triangles.len())
     }
@@ -195,10 +247,8 @@ impl tangent::Corners for DecodedPrimitive {
     }
 
     fn rebuild(mut self, vertices: &[(u32, [f32; 4])], triangles: Vec<[u32; 3]>) -> Self {
-        let old = |index: &(u32, [f32; 4])| index.0 as usize;
-        self.positions = vertices.iter().map(|vertex| self.positions[old(vertex)]).collect();
-        self.normals = vertices.iter().map(|vertex| self.normals[old(vertex)]).collect();
-        self.uvs = vertices.iter().map(|vertex| self.uvs[old(vertex)]).collect();
+        let old: Vec<usize> = vertices.iter().map(|(old, _)| *old as usize).collect();
+        self.take_vertices(&old);
         self.tangents = vertices.iter().map(|vertex| vertex.1).collect();
         self.triangles = triangles;
         self

@@ -1,231 +1,229 @@
-//! Loads glTF 2.0 files as [`Model`]s. `docs/scene.md` says what is read. A warning names whatever else a
-//! file uses, and it is left out. An unknown extension that a file *requires* is an error. Nothing a file
-//! says is trusted unchecked.
+//! Loads glTF 2.0 files as [`Model`]s. `docs/scene.md` says what is read.
+//!
+//! The file is read leniently: by its JSON, asked for one member at a time, and not by types that a whole
+//! file must fit. What is odd, optional or unused is left out, and a warning names it. Only a shape that
+//! cannot be known refuses the file. Nothing a file says is trusted unchecked.
 
 mod accessor;
 mod animation;
 pub mod export;
+mod json;
 mod light;
 mod material;
 mod mesh;
+mod node;
 mod resource;
+mod skin;
 mod tangent;
+mod texture;
 
-use super::{
-    animation::Transform,
-    model::{Local, Model, Node, Rig},
-};
+use super::model::{Model, Rig};
 use crate::{Error, Result, image_file::read};
-use ::gltf::json::{
-    self,
-    validation::{Checked, Validate as _},
+use json::Json;
+use serde_json::Value;
+use std::{
+    cell::{Cell, OnceCell, RefCell},
+    collections::BTreeMap,
+    path::Path,
 };
-use glam::{Affine3A, Mat4, Quat, Vec3};
-use std::{collections::BTreeSet, path::Path};
 
-const SUPPORTED: [&str; 5] = [
+const SUPPORTED: [&str; 10] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_specular",
     "KHR_materials_ior",
+    "KHR_materials_unlit",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_texture_transform",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+    "EXT_mesh_gpu_instancing",
+];
+
+/// Extensions that compress geometry, and the command that writes the file without.
+const CONVERTERS: [(&str, &str); 3] = [
+    ("KHR_draco_mesh_compression", "gltf-transform copy IN.glb OUT.glb"),
+    ("EXT_meshopt_compression", "gltfpack -noq -i IN.glb -o OUT.glb"),
+    ("KHR_meshopt_compression", "gltfpack -noq -i IN.glb -o OUT.glb"),
 ];
 
 /// Loads a `.gltf` or `.glb` file. The warnings name what was left out.
 ///
 /// # Errors
-/// Fails if the file, or one that it names, cannot be read or is broken.
+/// Fails if the file cannot be read, is no glTF 2.0, or has geometry that cannot be read.
 pub fn load(path: &Path) -> Result<(Model, Vec<String>)> {
     let subject = path.display().to_string();
     let bytes = read::read_bytes(path)?;
-    let document = parse(&bytes, &subject)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let mut file = File::new(subject, folder, &document)?;
-    let mut model = file.model()?;
+    let refuse = |Fault { problem, remedy }: Fault| Error::input(&subject, problem, remedy);
+    let (root, blob) = parse(&bytes).map_err(refuse)?;
+    let file = File::new(&subject, path.parent().unwrap_or(Path::new("")), Json::new(&root), blob).map_err(refuse)?;
+    let mut model = file.model().map_err(refuse)?;
     model.name = path.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy().into_owned());
-    Ok((model, file.warnings.into_iter().collect()))
+    Ok((model, file.into_warnings()))
 }
 
-fn parse(bytes: &[u8], subject: &str) -> Result<::gltf::Gltf> {
-    let broken = |problem: &str| Error::input(subject, problem, "export the glTF file again");
+/// Why something cannot be read.
+#[derive(Clone)]
+struct Fault {
+    problem: String,
+    remedy: String,
+}
+
+type Read<T> = std::result::Result<T, Fault>;
+
+fn fault(problem: impl ToString) -> Fault {
+    Fault { problem: problem.to_string(), remedy: "repair the glTF file or export it again".into() }
+}
+
+impl Fault {
+    fn compressed(user: &str, extension: &str, command: &str) -> Self {
+        let problem = format!("{user}: its geometry is compressed by {extension}, which is not read");
+        Self { problem, remedy: format!("write it without, as by: {command}") }
+    }
+}
+
+/// Splits a file into its JSON and the binary chunk of a `.glb`.
+fn parse(bytes: &[u8]) -> Read<(Value, Option<&[u8]>)> {
     if bytes.is_empty() {
-        return Err(broken("the file is empty"));
+        return Err(fault("the file is empty"));
     }
-    // The parser subtracts the header's size from the length that the file states.
+    let (mut text, mut blob) = (bytes, None);
     if bytes.starts_with(b"glTF") {
-        let stated = bytes.get(8..12).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-        if bytes.len() < 20 || stated < 20 || stated as usize > bytes.len() {
-            return Err(broken("the GLB header states a length that does not fit the file"));
+        let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+        let truncated = || fault("the GLB header states a length that does not fit the file");
+        if word(4) == Some(1) {
+            return Err(other_version("1"));
+        }
+        let end = 20 + word(12).ok_or_else(truncated)?;
+        text = bytes.get(20..end).ok_or_else(truncated)?;
+        // Chunks that are not known are passed over.
+        let mut at = end.next_multiple_of(4);
+        while let (Some(length), Some(kind), None) = (word(at), word(at + 4), blob) {
+            let chunk = &bytes[at + 8..bytes.len().min(at + 8 + length)];
+            blob = (kind == 0x004E_4942).then_some(chunk);
+            at = (at + 8 + length).next_multiple_of(4);
         }
     }
-    let gltf = ::gltf::Gltf::from_slice_without_validation(bytes).map_err(|error| match error {
-        ::gltf::Error::Deserialize(error) => broken(&format!("is not glTF: {}", read::one_line(&error))),
-        other => broken(&format!("is not glTF: {}", read::one_line(&other))),
-    })?;
-    validate(gltf.document.as_json(), &broken)?;
-    Ok(gltf)
+    let text = String::from_utf8_lossy(text);
+    let text = text.trim_start_matches('\u{feff}').trim_end_matches('\0');
+    let root: Value =
+        serde_json::from_str(text).map_err(|error| fault(format!("is not glTF: {}", read::one_line(&error))))?;
+    if !root.is_object() {
+        return Err(fault("is not glTF: it holds no JSON object"));
+    }
+    Ok((root, blob))
 }
 
-/// Runs the glTF crate's validation, and passes over what is allowed here, or is missing and not needed.
-fn validate(root: &json::Root, broken: &dyn Fn(&str) -> Error) -> Result<()> {
-    // The crate's check of positions indexes the accessors before it has checked the index.
-    let position = Checked::Valid(::gltf::Semantic::Positions);
-    for (index, mesh) in root.meshes.iter().enumerate() {
-        let mut positions = mesh.primitives.iter().filter_map(|primitive| primitive.attributes.get(&position));
-        if positions.any(|accessor| accessor.value() >= root.accessors.len()) {
-            return Err(broken(&format!("mesh {index}: its POSITION accessor does not exist")));
-        }
-    }
-    let mut problems = Vec::new();
-    root.validate(root, json::Path::new, &mut |path, error| {
-        let path = path();
-        let needless = error == json::validation::Error::Missing
-            && [".bufferView", ".POSITION", ".min", ".max"].iter().any(|end| path.as_str().ends_with(end));
-        if !needless {
-            problems.push(format!("{}: {}", read::one_line(&path), error.to_string().to_lowercase()));
-        }
-    });
-    match problems.as_slice() {
-        [] => Ok(()),
-        [only] => Err(broken(only)),
-        [first, rest @ ..] => Err(broken(&format!("{first} (and {} more)", rest.len()))),
-    }
+fn other_version(version: &str) -> Fault {
+    let problem = format!("asks for version {}, not 2.0", read::one_line(&version));
+    Fault { problem, remedy: "export it as glTF 2.0".into() }
 }
 
 struct File<'a> {
-    subject: String,
+    subject: &'a str,
     folder: &'a Path,
-    document: &'a ::gltf::Document,
-    root: &'a json::Root,
-    buffers: Vec<Vec<u8>>,
-    /// Distinct warnings, in alphabetical order.
-    warnings: BTreeSet<String>,
+    root: Json<'a>,
+    blob: Option<&'a [u8]>,
+    buffers: Vec<OnceCell<Read<Vec<u8>>>>,
+    /// What is to be told, with the first place where it was met and how often.
+    warnings: RefCell<BTreeMap<String, (String, usize)>>,
     /// Vertices and triangle corners read so far.
-    corners: usize,
+    corners: Cell<usize>,
 }
 
 const MAX_CORNERS: usize = 1 << 25;
 
 impl<'a> File<'a> {
-    fn new(subject: String, folder: &'a Path, gltf: &'a ::gltf::Gltf) -> Result<Self> {
-        let root = gltf.document.as_json();
-        let mut file = Self {
+    fn new(subject: &'a str, folder: &'a Path, root: Json<'a>, blob: Option<&'a [u8]>) -> Read<Self> {
+        let asset = root.get("asset");
+        let version = asset.text("minVersion").or(asset.text("version"));
+        if let Some(version) = version.filter(|version| !version.starts_with("2.")) {
+            return Err(other_version(version));
+        }
+        let file = Self {
             subject,
             folder,
-            document: &gltf.document,
             root,
-            buffers: Vec::new(),
-            warnings: BTreeSet::new(),
-            corners: 0,
+            blob,
+            buffers: root.list("buffers").map(|_| OnceCell::new()).collect(),
+            warnings: RefCell::default(),
+            corners: Cell::new(0),
         };
-        let versions = [Some(&root.asset.version), root.asset.min_version.as_ref()];
-        if let Some(version) = versions.into_iter().flatten().find(|version| !version.starts_with("2.")) {
-            return Err(file.broken(format!("asks for version {}, not 2.0", read::one_line(version))));
+        if version.is_none() {
+            file.warn("asset", "has no version: 2.0 is taken");
         }
-        for extension in root.extensions_used.iter().filter(|name| !SUPPORTED.contains(&name.as_str())) {
-            file.warn(&format!("the extension {}", read::one_line(extension)), "ignored");
+        let unknown = |name: &&str| !SUPPORTED.contains(name) && !CONVERTERS.iter().any(|(known, _)| known == name);
+        for extension in root.texts("extensionsUsed").chain(root.texts("extensionsRequired")).filter(unknown) {
+            file.unsupported("extensionsUsed", &format!("the extension {}", read::one_line(&extension)), "ignored");
         }
-        file.buffers = resource::buffers(&file, gltf.blob.as_deref())?;
         Ok(file)
     }
 
-    fn broken(&self, problem: impl ToString) -> Error {
-        Error::input(&self.subject, problem, "repair the glTF file or export it again")
+    /// Adds a warning about `place`. The same about other places is counted.
+    fn warn(&self, place: &str, message: &str) {
+        let mut warnings = self.warnings.borrow_mut();
+        warnings.entry(message.to_owned()).or_insert_with(|| (place.to_owned(), 0)).1 += 1;
     }
 
-    fn warn(&mut self, feature: &str, consequence: &str) {
-        let subject = &self.subject;
-        self.warnings.insert(format!("{subject}: {feature} is not supported: {consequence}"));
+    fn unsupported(&self, place: &str, feature: &str, consequence: &str) {
+        self.warn(place, &format!("{feature} is not supported: {consequence}"));
+    }
+
+    /// Warns of what could not be read and is not needed.
+    fn left_out(&self, fault: Fault) {
+        self.warn("left out", &fault.problem);
+    }
+
+    fn into_warnings(self) -> Vec<String> {
+        let line = |(message, (place, count)): (String, (String, usize))| match count {
+            1 => format!("{}: {place}: {message}", self.subject),
+            n => format!("{}: {place} and {} more: {message}", self.subject, n - 1),
+        };
+        self.warnings.into_inner().into_iter().map(line).collect()
     }
 
     /// Refuses a file that would fill the memory.
-    fn count_corners(&mut self, corners: usize) -> Result<()> {
-        self.corners = self.corners.saturating_add(corners);
-        if self.corners > MAX_CORNERS {
-            return Err(self.broken(format!("holds more than {MAX_CORNERS} vertices")));
+    fn count_corners(&self, corners: usize) -> Read<()> {
+        self.corners.set(self.corners.get().saturating_add(corners));
+        if self.corners.get() > MAX_CORNERS {
+            let remedy = "simplify the model".into();
+            return Err(Fault { problem: format!("holds more than {MAX_CORNERS} vertices"), remedy });
         }
         Ok(())
     }
 
-    fn model(&mut self) -> Result<Model> {
+    /// Returns a buffer, which is read when it is first needed.
+    fn buffer(&self, index: usize) -> Read<&[u8]> {
+        let cell = self.buffers.get(index).ok_or_else(|| fault(format!("buffer {index} does not exist")))?;
+        cell.get_or_init(|| resource::buffer(self, index)).as_deref().map_err(Fault::clone)
+    }
+
+    fn model(&self) -> Read<Model> {
         let mut model = Model::default();
-        let order = self.node_order()?;
-        let mut place = vec![None; self.root.nodes.len()];
-        let mut mesh_place = vec![None; self.root.meshes.len()];
-        let mut materials = material::Materials::new(self.root.materials.len());
-        for (source, parent) in order {
-            let node = &self.root.nodes[source];
-            place[source] = Some(model.rig.nodes.len());
-            let mesh = match node.mesh.map(|mesh| mesh.value()) {
-                None => None,
-                Some(mesh) => {
-                    if mesh_place[mesh].is_none() {
-                        let loaded = mesh::load(self, mesh, &mut materials, &mut model)?;
-                        mesh_place[mesh] = Some(model.meshes.len());
-                        model.meshes.push(loaded);
-                    }
-                    mesh_place[mesh]
+        let drawn = node::load(self, &mut model);
+        let place = node::places(self, &drawn);
+        let matrices: Vec<glam::Mat4> = model.rig.node_matrices(None).into_iter().map(Into::into).collect();
+        let placed: Vec<_> = place.iter().map(|place| place.map(|node| matrices[node])).collect();
+        let mut materials = material::Materials::new(self.root.list("materials").len());
+        let mut meshes: BTreeMap<(usize, Option<usize>), usize> = BTreeMap::new();
+        for node in drawn {
+            let Some(mesh) = node.mesh else { continue };
+            let known = match meshes.get(&(mesh, node.skin)) {
+                Some(known) => *known,
+                None => {
+                    let joints = node.skin.map(|skin| skin::joints(self, skin, &placed));
+                    let joints = joints.and_then(|joints| joints.map_err(|fault| self.left_out(fault)).ok());
+                    let loaded = mesh::load(self, mesh, joints.as_deref(), &mut materials, &mut model)?;
+                    model.meshes.push(loaded);
+                    meshes.insert((mesh, node.skin), model.meshes.len() - 1);
+                    model.meshes.len() - 1
                 }
             };
-            if node.skin.is_some() {
-                self.warn("a skin", "drawn in its rest pose");
-            }
-            let name = node.name.clone().unwrap_or_else(|| format!("node {source}"));
-            let parent = parent.and_then(|parent: usize| place[parent]);
-            model.rig.nodes.push(Node { name, parent, local: self.local(source, node)?, mesh });
+            node::give_mesh(self, &mut model.rig, node, known);
         }
-        let clips = animation::load(self, &place)?;
+        let clips = animation::load(self, &place);
         model.rig = Rig { clips, ..model.rig };
-        model.lights = light::load(self, &place)?;
+        model.lights = light::load(self, &place);
         Ok(model)
-    }
-
-    /// Returns the nodes of the default scene (else the first, else all), each with its parent, parents
-    /// first.
-    fn node_order(&self) -> Result<Vec<(usize, Option<usize>)>> {
-        let nodes = &self.root.nodes;
-        let scene = self.root.scene.map_or(0, |scene| scene.value());
-        let roots: Vec<usize> = match self.root.scenes.get(scene) {
-            Some(scene) => scene.nodes.iter().map(|node| node.value()).collect(),
-            None => {
-                let children: BTreeSet<usize> =
-                    nodes.iter().flat_map(|node| node.children.iter().flatten()).map(|child| child.value()).collect();
-                (0..nodes.len()).filter(|node| !children.contains(node)).collect()
-            }
-        };
-        let mut seen = vec![false; nodes.len()];
-        let mut order = Vec::new();
-        let mut stack: Vec<(usize, Option<usize>)> = roots.into_iter().rev().map(|root| (root, None)).collect();
-        while let Some((node, parent)) = stack.pop() {
-            match seen.get_mut(node) {
-                None => return Err(self.broken(format!("node {node} does not exist"))),
-                Some(true) => return Err(self.broken(format!("node {node} has two parents or is its own ancestor"))),
-                Some(seen) => *seen = true,
-            }
-            order.push((node, parent));
-            let children = nodes[node].children.iter().flatten().rev();
-            stack.extend(children.map(|child| (child.value(), Some(node))));
-        }
-        Ok(order)
-    }
-
-    fn local(&self, index: usize, node: &json::Node) -> Result<Local> {
-        let bad = |what: &str| self.broken(format!("node {index} has a {what} that is not finite or has no meaning"));
-        if let Some(matrix) = node.matrix {
-            if !matrix.iter().all(|value| value.is_finite()) {
-                return Err(bad("matrix"));
-            }
-            return Ok(Local::Matrix(Affine3A::from_mat4(Mat4::from_cols_array(&matrix))));
-        }
-        let rotation = Quat::from_array(node.rotation.map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0));
-        let translation = Vec3::from_array(node.translation.unwrap_or([0.0; 3]));
-        let scale = Vec3::from_array(node.scale.unwrap_or([1.0; 3]));
-        if !rotation.is_finite() || rotation.length() < 1e-6 {
-            return Err(bad("rotation"));
-        }
-        if !translation.is_finite() || !scale.is_finite() {
-            return Err(bad("translation or scale"));
-        }
-        Ok(Local::Transform(Transform { translation, rotation: rotation.normalize(), scale }))
     }
 }

@@ -1,71 +1,82 @@
 //! Reads buffers and images that a glTF file names: inside it, in data URIs, or in files beside it.
 
-use super::File;
-use crate::{Error, Result, image_file::read};
+use super::{Fault, File, Read, accessor, fault};
+use crate::{Error, image_file::read};
+use base64::engine::{DecodePaddingMode, Engine as _, GeneralPurpose, GeneralPurposeConfig};
 use image::{ImageFormat, ImageReader, Limits};
 use std::{io::Cursor, path::PathBuf};
 
-/// Reads all buffers. Each is at least as long as it says.
-pub(super) fn buffers(file: &File, blob: Option<&[u8]>) -> Result<Vec<Vec<u8>>> {
-    let mut buffers = Vec::new();
-    for (index, buffer) in file.root.buffers.iter().enumerate() {
-        let name = format!("buffer {index}");
-        let bytes = match (&buffer.uri, blob) {
-            (Some(uri), _) => fetch(file, uri, &name)?,
-            (None, Some(blob)) if index == 0 => blob.to_vec(),
-            (None, _) => return Err(file.broken(format!("{name} has neither URI nor binary chunk"))),
-        };
-        if (bytes.len() as u64) < buffer.byte_length.0 {
-            let problem = format!("{name} says it has {} bytes, but there are {}", buffer.byte_length.0, bytes.len());
-            return Err(file.broken(problem));
-        }
-        buffers.push(bytes);
+/// Reads a buffer, which is at least as long as it says.
+pub(super) fn buffer(file: &File, index: usize) -> Read<Vec<u8>> {
+    let name = format!("buffer {index}");
+    let buffer = file.root.entry("buffers", index);
+    let bytes = match (buffer.text("uri"), file.blob) {
+        (Some(uri), _) => fetch(file, uri, &name)?,
+        (None, Some(blob)) if index == 0 => blob.to_vec(),
+        (None, _) if !buffer.exists() => return Err(fault(format!("{name} does not exist"))),
+        (None, _) => return Err(fault(format!("{name} has neither URI nor binary chunk"))),
+    };
+    let stated = buffer.index("byteLength").unwrap_or(0);
+    if bytes.len() < stated {
+        return Err(fault(format!("{name} says it has {stated} bytes, but there are {}", bytes.len())));
     }
-    Ok(buffers)
+    Ok(bytes)
 }
 
-fn fetch(file: &File, uri: &str, name: &str) -> Result<Vec<u8>> {
+fn fetch(file: &File, uri: &str, name: &str) -> Read<Vec<u8>> {
     let shown = || read::one_line(&uri.chars().take(60).collect::<String>());
-    if let Some(data) = uri.strip_prefix("data:") {
-        let Some((_, encoded)) = data.split_once(";base64,") else {
-            return Err(file.broken(format!("{name}: a data URI that is not base64")));
-        };
-        return base64::decode(encoded).map_err(|error| file.broken(format!("{name}: {error}")));
-    }
-    let decoded =
-        urlencoding::decode(uri).map_err(|_| file.broken(format!("{name}: the URI {} is not text", shown())))?;
-    let scheme = decoded.split_once(':').map(|(scheme, _)| scheme.to_owned());
-    if scheme.is_some_and(|s| s.len() > 1 && s.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))) {
-        let problem = format!("{name}: {} is not a file beside the glTF file", shown());
-        return Err(Error::input(&file.subject, problem, "download it and name it by a relative path"));
-    }
-    let path = PathBuf::from(decoded.as_ref());
-    if path.is_absolute() || decoded.is_empty() || decoded.contains('\0') {
-        let problem = format!("{name}: \"{}\" is no relative path", shown());
-        return Err(Error::input(&file.subject, problem, "name files by paths relative to the glTF file"));
-    }
-    read::read_bytes(&file.folder.join(path)).map_err(|error| match error {
-        Error::Input { subject, problem, remedy } => {
-            Error::input(&file.subject, format!("{name}: {}: {problem}", read::one_line(&subject)), remedy)
+    if let Some(data) = uri.trim_start().strip_prefix("data:") {
+        let (kind, text) = data.split_once(',').unwrap_or((data, ""));
+        if !kind.ends_with(";base64") {
+            return Ok(urlencoding::decode_binary(text.as_bytes()).into_owned());
         }
-        other => other,
+        // Exporters break lines, and some leave the padding out.
+        let text: String = text.split_whitespace().collect();
+        let config = GeneralPurposeConfig::new()
+            .with_decode_allow_trailing_bits(true)
+            .with_decode_padding_mode(DecodePaddingMode::Indifferent);
+        return GeneralPurpose::new(&base64::alphabet::STANDARD, config)
+            .decode(text)
+            .map_err(|error| fault(format!("{name}: its data URI is not base64: {error}")));
+    }
+    let not_beside = |problem: String| Fault { problem, remedy: "name it by a path relative to the glTF file".into() };
+    let Ok(decoded) = urlencoding::decode(uri) else {
+        return Err(not_beside(format!("{name}: the URI {} is not text", shown())));
+    };
+    // A backslash separates folders on Windows, and nothing else is called so in a URI.
+    let decoded = decoded.replace('\\', "/");
+    let scheme = decoded.split_once(':').map(|(scheme, _)| scheme.to_owned());
+    if scheme.is_some_and(|s| s.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))) {
+        return Err(not_beside(format!("{name}: {} is not a file beside the glTF file", shown())));
+    }
+    let path = PathBuf::from(&decoded);
+    if path.is_absolute() || decoded.is_empty() || decoded.contains('\0') {
+        return Err(not_beside(format!("{name}: \"{}\" is no relative path", shown())));
+    }
+    // A name may hold a percent sign that was not escaped.
+    let [path, literal] = [path, PathBuf::from(uri)].map(|path| file.folder.join(path));
+    let path = if !path.exists() && literal.exists() { literal } else { path };
+    read::read_bytes(&path).map_err(|error| match error {
+        Error::Input { subject, problem, remedy } => {
+            Fault { problem: format!("{name}: {}: {problem}", read::one_line(&subject)), remedy }
+        }
+        other => fault(format!("{name}: {}", read::one_line(&other))),
     })
 }
 
-pub(super) fn image(file: &File, index: usize) -> Result<([u32; 2], Vec<[u8; 4]>)> {
+/// Decodes an image to RGBA.
+pub(super) fn image(file: &File, index: usize) -> Read<([u32; 2], Vec<[u8; 4]>)> {
     let name = format!("image {index}");
-    let Some(image) = file.root.images.get(index) else {
-        return Err(file.broken(format!("{name} does not exist")));
-    };
-    let bytes = match (&image.uri, image.buffer_view) {
+    let image = file.root.entry("images", index);
+    let bytes = match (image.text("uri"), image.index("bufferView")) {
         (Some(uri), _) => fetch(file, uri, &name)?,
-        (None, Some(view)) => super::accessor::view(file, view.value(), &name)?.0.to_vec(),
-        (None, None) => return Err(file.broken(format!("{name} has neither URI nor buffer view"))),
+        (None, Some(view)) => accessor::view(file, view, &name)?.0.to_vec(),
+        (None, None) => return Err(fault(format!("{name} does not exist, or has neither URI nor buffer view"))),
     };
-    let damaged = |problem: String| file.broken(format!("{name} cannot be decoded: {problem}"));
+    let damaged = |problem: String| fault(format!("{name} cannot be decoded: {problem}"));
     let format = match ::image::guess_format(&bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => return Err(damaged("it is neither PNG nor JPEG".into())),
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => format,
+        _ => return Err(damaged("it is neither PNG, JPEG nor WebP".into())),
     };
     let mut limits = Limits::default();
     limits.max_image_width = Some(16384);

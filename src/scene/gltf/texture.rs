@@ -1,0 +1,119 @@
+//! Reads textures of a glTF file, and where they lie on a surface.
+
+use super::{File, Read, json::Json, resource};
+use crate::scene::{
+    material::{TexelEncoding, Texture, Wrap},
+    model::Model,
+};
+use glam::{Mat2, Vec2};
+use std::collections::{HashMap, hash_map::Entry};
+
+/// Which texture coordinates a material uses, and how KHR_texture_transform moves them. It is baked into the
+/// vertices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct UvSource {
+    pub set: usize,
+    offset: Vec2,
+    linear: Mat2,
+}
+
+impl UvSource {
+    pub(super) const PLAIN: Self = Self { set: 0, offset: Vec2::ZERO, linear: Mat2::IDENTITY };
+
+    fn of(info: Json) -> Self {
+        let transform = info.extension("KHR_texture_transform");
+        let set = transform.index("texCoord").or(info.index("texCoord")).unwrap_or(0);
+        // The rotation is counter-clockwise as seen, with v growing downwards.
+        let (sin, cos) = transform.number("rotation").unwrap_or(0.0).sin_cos();
+        let rotate = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
+        let scale = Vec2::from(transform.numbers("scale").unwrap_or([1.0; 2]));
+        let offset = Vec2::from(transform.numbers("offset").unwrap_or([0.0; 2]));
+        Self { set, offset, linear: rotate * Mat2::from_diagonal(scale) }
+    }
+
+    /// Returns the coordinates at which the textures are read.
+    pub(super) fn apply(&self, uv: Vec2) -> Vec2 {
+        self.offset + self.linear * uv
+    }
+}
+
+/// A texture that a material uses.
+#[derive(Clone, Copy)]
+pub(super) struct Slot {
+    pub texture: usize,
+    pub uv: UvSource,
+}
+
+impl Slot {
+    pub(super) fn of(info: Json) -> Option<Self> {
+        info.index("index").map(|texture| Self { texture, uv: UvSource::of(info) })
+    }
+}
+
+/// The textures used so far. Only these are decoded.
+#[derive(Default)]
+pub(super) struct Textures {
+    known: HashMap<(usize, TexelEncoding), Option<usize>>,
+    images: HashMap<usize, ([u32; 2], Vec<[u8; 4]>)>,
+}
+
+impl Textures {
+    /// Returns the place of texture `index` in the model. A texture that cannot be read is left out.
+    pub(super) fn get(
+        &mut self,
+        file: &File,
+        index: usize,
+        encoding: TexelEncoding,
+        model: &mut Model,
+    ) -> Option<usize> {
+        if let Some(known) = self.known.get(&(index, encoding)) {
+            return *known;
+        }
+        let loaded = self.load(file, index, encoding).unwrap_or_else(|fault| {
+            file.left_out(fault);
+            None
+        });
+        let place = loaded.map(|texture| {
+            model.textures.push(texture);
+            model.textures.len() - 1
+        });
+        self.known.insert((index, encoding), place);
+        place
+    }
+
+    fn load(&mut self, file: &File, index: usize, encoding: TexelEncoding) -> Read<Option<Texture>> {
+        let source = file.root.entry("textures", index);
+        let webp = source.extension("EXT_texture_webp").index("source");
+        let Some(image) = source.index("source").or(webp) else {
+            let user = format!("texture {index}");
+            let problem = match ["KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"]
+                .into_iter()
+                .find(|extension| source.extension(extension).exists())
+            {
+                Some(extension) => format!("has its image in {extension} alone, which is not supported: left out"),
+                None if source.exists() => "has no source: left out".to_owned(),
+                None => "does not exist: left out".to_owned(),
+            };
+            file.warn(&user, &problem);
+            return Ok(None);
+        };
+        let (size, texels) = match self.images.entry(image) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(resource::image(file, image)?),
+        };
+        let sampler = file.root.entry("samplers", source.index("sampler").unwrap_or(usize::MAX));
+        let wrap = |key: &str| match sampler.index(key) {
+            Some(33071) => Wrap::ClampToEdge,
+            Some(33648) => Wrap::MirroredRepeat,
+            _ => Wrap::Repeat,
+        };
+        Ok(Some(Texture {
+            name: format!("{}: image {image}", file.subject),
+            size: *size,
+            texels: texels.clone(),
+            encoding,
+            wrap: [wrap("wrapS"), wrap("wrapT")],
+            nearest: sampler.index("magFilter") == Some(9728),
+        }))
+    }
+}
