@@ -97,6 +97,7 @@ pub mod error;
 #[macro_use]
 pub mod gpu;
 pub mod image_file;
+pub mod inspect;
 pub mod measure;
 pub mod options;
 pub mod output;
@@ -111,4 +112,5 @@ pub mod shaders;
 pub mod stability;
 #[cfg(feature = "viewer")]
 pub mod viewer;
+pub mod warnings;
 pub use error::{Error, Result};

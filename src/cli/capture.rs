@@ -9,6 +9,7 @@ use crate::{
     image_file::write::{make_folder, write_bytes},
     reference::capture::{CaptureSettings, capture_sequence, scene_file},
     scene::{CompleteScene, camera::CameraTrack, export::ROOM_FILE, gltf, model::Model, rooms},
+    warnings,
 };
 use glam::Vec3;
 use std::{
@@ -44,6 +45,10 @@ pub struct Args {
     /// Frames a second
     #[arg(long, default_value_t = 30.0)]
     pub fps: f64,
+    /// Capture a scan as it is: its base colours are the light that it sends out. A room without lamps whose
+    /// vertices have colours is captured so, too
+    #[arg(long)]
+    pub unlit: bool,
     /// Filter the noise of the light; this is slightly biased where the light changes fast
     #[arg(long)]
     pub denoise: bool,
@@ -77,9 +82,7 @@ pub fn run(args: &Args) -> Result<()> {
     let position = args.position.as_deref().map(parse_position).transpose()?;
     let (mut room, source, usual) = open(args)?;
     room.fps = args.fps;
-    if !args.quiet {
-        room.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    }
+    warnings::tell(&room.warnings);
     let position = position.unwrap_or(usual);
     make_folder(&args.output)?;
     let scene = args.output.join(SCENE_FILE);
@@ -119,7 +122,15 @@ fn open(args: &Args) -> Result<(CompleteScene, RoomSource, Vec3)> {
         return Ok((scene, RoomSource::BuiltIn(room.model), room.capture_position));
     }
     let path = Path::new(&args.room);
-    let (model, mut warnings) = gltf::load(path)?;
+    let (mut model, mut warnings) = gltf::load(path)?;
+    let lamps = !model.lights.is_empty() || model.materials.iter().any(|m| m.emissive.max_element() > 0.0);
+    let coloured = model.meshes.iter().any(|mesh| !mesh.colors.is_empty());
+    if args.unlit || (!lamps && coloured) {
+        model.materials = model.materials.into_iter().map(|m| if m.unlit { m } else { m.unlit() }).collect();
+        if !args.unlit {
+            warnings.push(format!("{}: nothing in it shines: its vertex colours are captured as they are", args.room));
+        }
+    }
     let name = model.name.clone();
     let mut scene = CompleteScene::assemble(&name, Arc::new(model), CameraTrack::at_point(Vec3::ZERO), Vec::new())?;
     warnings.append(&mut scene.warnings);

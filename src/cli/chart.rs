@@ -175,7 +175,7 @@ impl Progress {
             let percent = 100 * self.bar.position() / self.bar.length().unwrap_or(0).max(1);
             // An earlier estimate would be a guess from very little.
             let left = if percent < 2 { String::new() } else { format!(" ({} left)", HumanDuration(self.bar.eta())) };
-            eprintln!("{percent} %: {what}{left}");
+            super::say(&format!("{percent} %: {what}{left}"));
         }
     }
 }

@@ -1,35 +1,91 @@
-//! `iprt check SCENE` reads everything that a scene names, and reports every problem at once.
+//! `iprt check SCENE` reads everything that a scene names. It reports every problem at once, what was
+//! measured, and what can hardly be right.
 
-use crate::{Error, Result, scene::Scene};
-use std::path::PathBuf;
+use super::common::{DeviceArgs, open_scene};
+use crate::{
+    Error, Result,
+    image_file::write::write_bytes,
+    inspect::{Report, cloud::Cloud, sheet},
+    scene::{Scene, load::Examined, rooms},
+    warnings,
+};
+use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt check`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// The scene file.
-    pub scene: PathBuf,
+    /// A scene file, or a built-in room
+    pub scene: String,
+    /// Write a sheet of pictures: colour, depth, normals, and floor and objects from above
+    #[arg(short, long, value_name = "PNG")]
+    pub output: Option<PathBuf>,
+    /// Print what was measured as JSON, or write it to a file
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-")]
+    pub json: Option<PathBuf>,
+    /// Make warnings errors
+    #[arg(long)]
+    pub strict: bool,
+    /// Print no warnings
+    #[arg(short, long)]
+    pub quiet: bool,
+    #[command(flatten)]
+    pub device: DeviceArgs,
 }
 
-/// Prints each problem and each warning on a line of its own.
+/// Prints what was measured, and each problem and each warning on a line of its own.
 ///
 /// # Errors
 /// Fails if the scene has problems. All but the last are printed here. The last one is the error, for the
 /// caller to print.
 pub fn run(args: &Args) -> Result<()> {
-    let (mut problems, warnings) = Scene::problems(&args.scene);
-    for warning in &warnings {
-        eprintln!("warning: {warning}");
+    for path in [&args.output, &args.json].into_iter().flatten().filter(|path| *path != Path::new("-")) {
+        super::render::require_folder(path)?;
     }
-    let last = problems.pop();
-    for problem in &problems {
-        eprintln!("error: {problem}");
-    }
-    match last {
-        Some(Error::Input { subject, problem, remedy }) => Err(Error::Input { subject, problem, remedy }),
-        Some(other) => Err(other),
-        None => {
-            println!("{}: no problems, {} warnings", args.scene.display(), warnings.len());
-            Ok(())
+    let mut examined = examine(args)?;
+    let mut found = std::mem::take(&mut examined.warnings);
+    if let (Some(scene), Some(frame)) = (&examined.scene, &examined.first) {
+        let cloud = Cloud::of(frame, scene.panorama.yaw_degrees);
+        let mut report = Report::of(scene, frame, &cloud);
+        found.extend(report.warnings.iter().filter(|warning| !found.contains(warning)).cloned().collect::<Vec<_>>());
+        report.warnings.clone_from(&found);
+        if let Some(path) = &args.output {
+            sheet::write(path, &report, scene, frame, &cloud)?;
+        }
+        match &args.json {
+            Some(path) => {
+                let json = serde_json::to_string_pretty(&report).map_err(|e| Error::Internal(e.to_string()))?;
+                if path == Path::new("-") {
+                    super::print(&json)?;
+                } else {
+                    write_bytes(path, json.as_bytes())?;
+                }
+            }
+            None => super::print(report.text().trim_end())?,
         }
     }
+    warnings::tell(&found);
+    let last = examined.problems.pop();
+    for problem in &examined.problems {
+        super::say(&format!("error: {problem}"));
+    }
+    match last {
+        Some(last) => Err(last),
+        None => {
+            if args.json.as_deref() != Some(Path::new("-")) {
+                super::print(&format!("{}: no problems, {} warnings", args.scene, found.len()))?;
+            }
+            super::forbid_warnings(args.strict && !found.is_empty(), &args.scene)
+        }
+    }
+}
+
+fn examine(args: &Args) -> Result<Examined> {
+    if rooms::by_name(&args.scene).is_none() {
+        return Ok(Scene::examine(Path::new(&args.scene)));
+    }
+    let gpu = args.device.open()?;
+    let scene = open_scene(&gpu, Some(&args.scene), args.quiet)?;
+    let first = scene.panorama.load(0)?;
+    args.device.close(gpu)?;
+    Ok(Examined { warnings: scene.warnings.clone(), scene: Some(scene), first: Some(first), ..Examined::default() })
 }

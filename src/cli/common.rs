@@ -7,6 +7,7 @@ use crate::{
     reference::capture::{CaptureSettings, built_in_scene, cache_folder},
     scene::{CompleteScene, Scene, rooms, viewpoint::Projection},
     settings::{Method, Settings},
+    warnings,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
@@ -44,7 +45,7 @@ impl DeviceArgs {
         }
         let messages = gpu.destroy()?;
         for message in &messages {
-            eprintln!("validation: {message}");
+            super::say(&format!("validation: {message}"));
         }
         match messages.len() {
             0 => Ok(()),
@@ -84,16 +85,10 @@ pub struct PictureArgs {
 }
 
 impl PictureArgs {
-    /// Reads the scene and shows its warnings. A built-in room is captured on `gpu` when it is used for the
+    /// Reads the scene and tells its warnings. A built-in room is captured on `gpu` when it is used for the
     /// first time.
     pub fn scene(&self, gpu: &Gpu) -> Result<Scene> {
-        let scene = open_scene(gpu, self.scene.as_deref(), self.quiet)?;
-        if !self.quiet {
-            for warning in &scene.warnings {
-                eprintln!("warning: {warning}");
-            }
-        }
-        Ok(scene)
+        open_scene(gpu, self.scene.as_deref(), self.quiet)
     }
 
     /// What to render: the scene file's options, and over them the flags. `converged` asks for a picture that
@@ -133,13 +128,7 @@ impl PictureArgs {
 
     /// The complete true scene of a built-in room, or of a scene file that names its room.
     pub fn complete_scene(&self) -> Result<CompleteScene> {
-        let scene = complete(self.scene.as_deref().unwrap_or(rooms::NAMES[0]), self.without_objects)?;
-        if !self.quiet {
-            for warning in &scene.warnings {
-                eprintln!("warning: {warning}");
-            }
-        }
-        Ok(scene)
+        complete(self.scene.as_deref().unwrap_or(rooms::NAMES[0]), self.without_objects)
     }
 
     /// Whether the complete true scene is known.
@@ -154,7 +143,9 @@ pub fn open_scene(gpu: &Gpu, name: Option<&str>, quiet: bool) -> Result<Scene> {
     if let Some(room) = rooms::by_name(name) {
         return built_in_scene(gpu, &room, &CaptureSettings { progress: !quiet, ..CaptureSettings::default() });
     }
-    Scene::load(Path::new(name))
+    let scene = Scene::load(Path::new(name))?;
+    warnings::tell(&scene.warnings);
+    Ok(scene)
 }
 
 /// The complete true scene of a built-in room or of a scene file.
@@ -167,7 +158,11 @@ pub fn complete(name: &str, without_objects: bool) -> Result<CompleteScene> {
             let objects = if without_objects { Vec::new() } else { room.objects };
             CompleteScene::assemble(room.name, room.model, room.camera, objects)
         }
-        None => CompleteScene::load(Path::new(name), without_objects),
+        None => {
+            let scene = CompleteScene::load(Path::new(name), without_objects)?;
+            warnings::tell(&scene.warnings);
+            Ok(scene)
+        }
     }
 }
 

@@ -135,8 +135,8 @@ impl Layers {
 fn read_frame(path: &Path) -> Result<(crate::image_file::ColorImage, Option<Layers>)> {
     let image = read(path)?;
     let layers = match &image {
-        FileImage::Exr(layers) => {
-            let named = |name: &str| layers.iter().find(|layer| layer.name == name).and_then(texels);
+        FileImage::Exr(exr) => {
+            let named = |name: &str| exr.layers.iter().find(|layer| layer.name == name).and_then(texels);
             named("motion").map(|motion| Layers { motion, position: named("position") })
         }
         FileImage::Raster(_) => None,

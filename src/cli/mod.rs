@@ -22,11 +22,14 @@ pub mod view;
 #[path = "no_view.rs"]
 pub mod view;
 
-use std::io::{self, Write};
+use std::{
+    io::{self, IsTerminal, Write},
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 use clap::{ArgAction, Parser, Subcommand};
 
-use crate::{Error, Result};
+use crate::{Error, Result, warnings};
 
 /// Virtual objects in 360° RGBD video, lit by the video itself.
 #[derive(Debug, Parser)]
@@ -73,6 +76,22 @@ pub enum Command {
 }
 
 impl Command {
+    /// Says whether warnings are not wanted.
+    fn is_quiet(&self) -> bool {
+        match self {
+            Self::Render(args) => args.picture.quiet,
+            Self::Bench(args) => args.picture.quiet,
+            Self::Reference(args) => args.picture.quiet,
+            Self::Plan(args) => args.picture.quiet,
+            Self::Masks(args) => args.picture.quiet,
+            Self::Capture(args) => args.quiet,
+            Self::Chart(args) => args.quiet,
+            Self::Check(args) => args.quiet,
+            Self::View(args) => args.quiet,
+            _ => false,
+        }
+    }
+
     fn run(self) -> Result<()> {
         match self {
             Self::Devices(args) => devices::run(&args),
@@ -104,8 +123,38 @@ impl Cli {
             _ => tracing::Level::DEBUG,
         };
         let log = tracing_subscriber::fmt().with_max_level(level).with_writer(io::stderr).without_time();
-        log.with_target(false).init();
+        log.with_target(false).with_ansi(io::stderr().is_terminal()).log_internal_errors(false).init();
+        if !self.command.is_quiet() {
+            warnings::listen(|warning| say(&format!("warning: {warning}")));
+        }
         self.command.run()
+    }
+}
+
+/// Whether something could not be written to stderr.
+static NOT_HEARD: AtomicBool = AtomicBool::new(false);
+
+/// Prints a line to stderr. It is no error if nobody reads it.
+pub fn say(text: &str) {
+    let mut err = io::stderr().lock();
+    let said = writeln!(err, "{text}").and_then(|()| err.flush());
+    let lost = said.is_err_and(|error| error.kind() != io::ErrorKind::BrokenPipe);
+    NOT_HEARD.fetch_or(lost, Ordering::Relaxed);
+}
+
+/// Says whether a line for stderr was lost, as on a full disk. Then the exit status must tell.
+pub fn was_not_heard() -> bool {
+    NOT_HEARD.load(Ordering::Relaxed)
+}
+
+/// Fails if there were warnings and `strict` makes them errors.
+fn forbid_warnings(strict: bool, subject: &str) -> Result<()> {
+    match warnings::count() {
+        n if strict && n > 0 => {
+            let problem = format!("{n} warnings, and --strict makes them errors");
+            Err(Error::input(subject, problem, "mend what they name, or leave --strict out"))
+        }
+        _ => Ok(()),
     }
 }
 

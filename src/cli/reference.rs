@@ -95,7 +95,7 @@ fn panorama(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
     bar.0.finish_and_clear();
     write(&renderer, &scene, &args.output, kind, scene.render.exposure, &args.aov)?;
     if !args.picture.quiet {
-        println!("{}: {}", args.output.display(), so_far("paths", paths, renderer.standard_error()?));
+        super::print(&format!("{}: {}", args.output.display(), so_far("paths", paths, renderer.standard_error()?)))?;
     }
     drop(renderer);
     args.picture.device.close(gpu)
@@ -151,7 +151,7 @@ fn scene(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
         truth::remove(&state);
     }
     if !args.picture.quiet {
-        println!("{}: {so_far}", args.output.display());
+        super::print(&format!("{}: {so_far}", args.output.display()))?;
     }
     drop(tracer);
     args.picture.device.close(gpu)

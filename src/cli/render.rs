@@ -8,6 +8,7 @@ use crate::{
     Error, Result,
     measure::bench,
     output::{FileKind, write},
+    panorama::pattern::Pattern,
     plan::Plan,
     renderer::{Renderer, Wishes},
     scene::Scene,
@@ -42,6 +43,9 @@ pub struct Args {
     /// Images to add to an EXR: names, or all
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     pub aov: Vec<String>,
+    /// Make warnings of the scene and its files errors
+    #[arg(long)]
+    pub strict: bool,
     /// Print the GPU time of each pass, measured over N more frames
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "16")]
     pub timings: Option<u32>,
@@ -59,7 +63,8 @@ pub fn run(args: &Args) -> Result<()> {
     if !(exposure.is_finite() && exposure > 0.0) {
         return Err(Error::input("--exposure", format!("{exposure}"), "give a positive number"));
     }
-    let sequence = is_pattern(&args.output);
+    let pattern = Pattern::parse(&args.output)?;
+    let sequence = pattern.is_sequence();
     let last = u32::try_from(scene.panorama.frame_count().max(1) - 1).unwrap_or(u32::MAX);
     let [first, last] = match &args.frames {
         Some(text) => parse_frames(text)?,
@@ -74,6 +79,11 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(Error::input("--aov", "a PNG holds the picture alone", "write an .exr"));
     }
 
+    if args.strict {
+        // Only what is loaded can be warned of.
+        scene.panorama.load(first as usize)?;
+        super::forbid_warnings(true, &scene.name)?;
+    }
     let chosen = args.target.apply(&gpu, &scene, &args.picture, &mut options, exposure, first != last)?;
     chosen.iter().for_each(|chosen| chosen.say(args.picture.quiet));
     let converge = args.spp.is_some() || options.method == Method::Reference;
@@ -85,7 +95,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut renderer = Renderer::with_plan(&gpu, &scene, options, plan)?;
     check_aovs(&renderer, &args.aov)?;
     if !args.picture.quiet {
-        eprintln!("{}", renderer.plan().summary());
+        super::say(&renderer.plan().summary());
     }
     let bar =
         progress(args.picture.quiet, u64::from(warmup) + u64::from(last - first + 1) * u64::from(spp), "rendering");
@@ -102,13 +112,11 @@ pub fn run(args: &Args) -> Result<()> {
             renderer.reset_history("a picture of its own");
         }
         render(&mut renderer, frame, spp)?;
-        let path = if sequence { expand(&args.output, frame) } else { args.output.clone() };
+        let path = pattern.file(frame);
         write(&renderer, &scene, &path, kind, exposure, &args.aov)?;
-        bar.suspend(|| {
-            if !args.picture.quiet {
-                println!("{}", path.display());
-            }
-        });
+        if !args.picture.quiet {
+            bar.suspend(|| super::print(&path.display().to_string()))?;
+        }
     }
     bar.finish_and_clear();
     if let Some(frames) = args.timings {
@@ -116,7 +124,8 @@ pub fn run(args: &Args) -> Result<()> {
         super::print(report.table().trim_end())?;
     }
     drop(renderer);
-    args.picture.device.close(gpu)
+    args.picture.device.close(gpu)?;
+    super::forbid_warnings(args.strict, &scene.name)
 }
 
 fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::BenchReport> {
@@ -139,36 +148,4 @@ pub fn require_folder(path: &Path) -> Result<()> {
             "give a folder that exists and is writable",
         )
     })
-}
-
-fn is_pattern(path: &Path) -> bool {
-    placeholder(&path.to_string_lossy()).is_some()
-}
-
-/// Position, length and width of `%d` or `%0Nd` in a name.
-fn placeholder(text: &str) -> Option<(usize, usize, usize)> {
-    let start = text.find('%')?;
-    let digits: String = text[start + 1..].chars().take_while(char::is_ascii_digit).collect();
-    let end = start + 1 + digits.len();
-    text[end..].starts_with('d').then(|| (start, end + 1 - start, digits.parse().unwrap_or(0)))
-}
-
-fn expand(path: &Path, frame: u32) -> PathBuf {
-    let text = path.to_string_lossy();
-    match placeholder(&text) {
-        Some((at, length, width)) => PathBuf::from(format!("{}{frame:0width$}{}", &text[..at], &text[at + length..])),
-        None => path.to_owned(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn patterns_expand() {
-        assert_eq!(expand(Path::new("a_%04d.png"), 7), Path::new("a_0007.png"));
-        assert_eq!(expand(Path::new("a%d.png"), 12), Path::new("a12.png"));
-        assert!(!is_pattern(Path::new("a%x.png")));
-    }
 }

@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<()> {
                 Ok(outcome) => results.push((method, outcome)),
                 // The other cases still run.
                 Err(error) => {
-                    eprintln!("{}, {}: {error}", case.name, method.name());
+                    super::say(&format!("{}, {}: {error}", case.name, method.name()));
                     failed += 1;
                 }
             }

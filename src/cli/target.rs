@@ -101,7 +101,7 @@ impl TargetArgs {
         options.settings = quick::settings(options.method, &options.settings, &set)?;
         let chosen = Chosen::new(target, &choice, candidate, &sheet, &expected);
         if !picture.quiet {
-            chosen.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+            chosen.warnings.iter().for_each(|warning| super::say(&format!("warning: {warning}")));
         }
         Ok(Some(chosen))
     }
@@ -125,7 +125,7 @@ fn measure(
     };
     if !picture.quiet {
         let [width, height] = quick::size(options.size);
-        eprintln!("target: nothing was measured for this view yet; measuring at {width}×{height}, once");
+        super::say(&format!("target: nothing was measured for this view yet; measuring at {width}×{height}, once"));
     }
     let bar = progress(picture.quiet, quick::work(complete.is_some(), lit, &options.settings), "measuring");
     let cache = cache_folder();
@@ -170,7 +170,7 @@ impl Chosen {
     /// Prints the choice on stderr.
     pub fn say(&self, quiet: bool) {
         if !quiet {
-            eprintln!("{}", self.text());
+            super::say(&self.text());
         }
     }
 

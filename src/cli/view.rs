@@ -73,7 +73,7 @@ pub fn run(args: Args) -> Result<()> {
         }
     }
     if validation && !result.messages.is_empty() {
-        result.messages.iter().for_each(|message| eprintln!("validation: {message}"));
+        result.messages.iter().for_each(|message| super::say(&format!("validation: {message}")));
         return Err(Error::Internal(format!("{} validation messages", result.messages.len())));
     }
     Ok(())

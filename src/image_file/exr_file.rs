@@ -1,10 +1,16 @@
 //! OpenEXR files as layers of named float channels.
 
-use super::read::{CodeImage, ColorImage, MAX_PIXELS, check_size, one_line};
+use super::{
+    color_space::{ColorSpace, Primaries},
+    layers,
+    placement::Placement,
+    read::{CodeImage, ColorImage, MAX_PIXELS, check_size, one_line},
+};
 use crate::{Error, Result};
 use exr::prelude::{
     FlatSamples, Image as ExrImage, MetaData, ReadChannels as _, ReadLayers as _, WritableImage as _, f16, read,
 };
+use glam::{Mat3, Vec3};
 use std::io::{Cursor, Seek, Write};
 
 /// A layer of an OpenEXR file. Every channel has `size[0] · size[1]` values, with row 0 on top.
@@ -31,9 +37,20 @@ impl ExrLayer {
     }
 }
 
+/// All that an OpenEXR file holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Exr {
+    /// The layers, each as large as the display window. What lies outside its data window is NaN.
+    pub layers: Vec<ExrLayer>,
+    /// From the file's primaries to Rec. 709; `None` if they are.
+    pub to_rec709: Option<Mat3>,
+    /// What is unusual about the file.
+    pub notes: Vec<String>,
+}
+
 /// Decodes all layers. Channels called `layer.channel` become layers of their own, as do the parts of a
 /// multi-part file.
-pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Vec<ExrLayer>> {
+pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Exr> {
     let damaged = |error: exr::error::Error| {
         Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
     };
@@ -58,19 +75,38 @@ pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Vec<ExrLayer>> {
         .all_attributes()
         .from_buffered(Cursor::new(bytes))
         .map_err(damaged)?;
-    let mut layers: Vec<ExrLayer> = Vec::new();
+    let window = image.attributes.display_window;
+    let whole = [window.size.x() as u32, window.size.y() as u32];
+    let to_rec709 = image.attributes.chromaticities.and_then(|given| {
+        let [red, green, blue, white] =
+            [given.red, given.green, given.blue, given.white].map(|at| [f64::from(at.x()), f64::from(at.y())]);
+        Primaries { red, green, blue, white }.to_rec709()
+    });
+    let mut exr = Exr { to_rec709, ..Exr::default() };
+    let layers = &mut exr.layers;
     for layer in image.layer_data {
-        let size = [layer.size.x() as u32, layer.size.y() as u32];
+        let part_size = [layer.size.x() as u32, layer.size.y() as u32];
+        let corner = layer.attributes.layer_position;
+        let at = [corner.x() - window.position.x(), corner.y() - window.position.y()].map(i64::from);
+        let placement = Some(Placement { whole, at, part: part_size }).filter(|p| !p.is_whole() && p.is_usable());
+        let size = placement.map_or(part_size, |placement| placement.whole);
+        if let Some(note) = placement.map(|placement| placement.note()).filter(|note| !exr.notes.contains(note)) {
+            exr.notes.push(note);
+        }
         let part = layer.attributes.layer_name.map(|name| name.to_string()).unwrap_or_default();
         let first = layers.len();
         for channel in layer.channel_data.list {
             let full = channel.name.to_string();
             let (prefix, name) = full.rsplit_once('.').unwrap_or(("", &full));
             let owner = [part.as_str(), prefix].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(".");
-            let values = match channel.sample_data {
+            let values: Vec<f32> = match channel.sample_data {
                 FlatSamples::F16(values) => values.into_iter().map(f16::to_f32).collect(),
                 FlatSamples::F32(values) => values,
                 FlatSamples::U32(values) => values.into_iter().map(|value| value as f32).collect(),
+            };
+            let values = match placement {
+                Some(placement) => placement.spread(&values, 1, f32::NAN),
+                None => values,
             };
             let entry = (name.to_owned(), values);
             match layers[first..].iter_mut().find(|layer| layer.name == owner) {
@@ -81,10 +117,10 @@ pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Vec<ExrLayer>> {
     }
     // The main layer goes first, because it was most likely meant.
     layers.sort_by_key(|layer| !layer.name.is_empty());
-    Ok(layers)
+    Ok(exr)
 }
 
-fn list(layers: &[ExrLayer]) -> String {
+pub(super) fn list(layers: &[ExrLayer]) -> String {
     let names = layers.iter().flat_map(|layer| {
         let dot = if layer.name.is_empty() { "" } else { "." };
         layer.channels.iter().map(move |(channel, _)| format!("{}{dot}{channel}", layer.name))
@@ -92,36 +128,29 @@ fn list(layers: &[ExrLayer]) -> String {
     names.take(20).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns R, G and B of the first layer that has them, else Y as grey.
-pub(super) fn color(layers: Vec<ExrLayer>, subject: &str) -> Result<ColorImage> {
-    for names in [["R", "G", "B"], ["Y", "Y", "Y"]] {
-        for layer in &layers {
-            if let [Some(r), Some(g), Some(b)] = names.map(|name| layer.channel(name)) {
-                let texels = r.iter().zip(g).zip(b).map(|((r, g), b)| [*r, *g, *b, 1.0]).collect();
-                return Ok(ColorImage { size: layer.size, texels, ldr: false });
-            }
-        }
-    }
-    let problem = format!("has no R, G, B nor Y channel, but {}", list(&layers));
-    Err(Error::input(subject, problem, "write the colour as channels R, G, B"))
+/// Returns the colour of the layer `wanted`, or of the one whose name means colour.
+pub(super) fn color(exr: Exr, wanted: Option<&str>, subject: &str) -> Result<ColorImage> {
+    let (index, channels, taken) = layers::color(&exr.layers, wanted, subject)?;
+    let layer = &exr.layers[index];
+    let [r, g, b] = channels.map(|channel| layer.channels[channel].1.as_slice());
+    let alpha = layer.channel("A");
+    let space = ColorSpace { to_rec709: exr.to_rec709, ..ColorSpace::LINEAR };
+    let texel = |i: usize| {
+        let color = space.rec709(Vec3::new(r[i], g[i], b[i]));
+        // A premultiplied texel without coverage or light was never drawn.
+        let known = !color.is_nan() && !(color == Vec3::ZERO && alpha.is_some_and(|alpha| alpha[i] == 0.0));
+        color.extend(f32::from(known)).to_array()
+    };
+    let texels = (0..r.len()).map(texel).collect();
+    Ok(ColorImage { size: layer.size, texels, ldr: false, taken: Some(taken), notes: exr.notes })
 }
 
-/// Returns the first of Y, Z, R and depth, or the only channel.
-pub(super) fn codes(mut layers: Vec<ExrLayer>, subject: &str) -> Result<CodeImage> {
-    for name in ["Y", "Z", "R", "depth"] {
-        for layer in &mut layers {
-            if let Some((_, values)) = layer.channels.iter_mut().find(|(c, _)| c.eq_ignore_ascii_case(name)) {
-                return Ok(CodeImage { size: layer.size, codes: std::mem::take(values), integer: false });
-            }
-        }
-    }
-    if let [ExrLayer { size, channels, .. }] = layers.as_mut_slice()
-        && let [(_, values)] = channels.as_mut_slice()
-    {
-        return Ok(CodeImage { size: *size, codes: std::mem::take(values), integer: false });
-    }
-    let problem = format!("has no channel Y, Z, R or depth, but {}", list(&layers));
-    Err(Error::input(subject, problem, "write the depth as channel Y"))
+/// Returns the depth of the layer or channel `wanted`, or of the one whose name means depth.
+pub(super) fn codes(mut exr: Exr, wanted: Option<&str>, subject: &str) -> Result<CodeImage> {
+    let (index, channel, taken) = layers::depth(&exr.layers, wanted, subject)?;
+    let layer = &mut exr.layers[index];
+    let codes = std::mem::take(&mut layer.channels[channel].1);
+    Ok(CodeImage { size: layer.size, codes, integer: false, taken: Some(taken), notes: exr.notes })
 }
 
 /// Encodes layers of one size as single-part float EXR, losslessly compressed. Channels of named layers are

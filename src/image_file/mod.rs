@@ -1,11 +1,16 @@
-//! Image files. PNG, JPEG, Radiance HDR and OpenEXR are read; PNG and OpenEXR are written.
+//! Image files. PNG, JPEG, WebP, TIFF, Radiance HDR and OpenEXR are read; PNG and OpenEXR are written.
 //!
 //! Files are told apart by their first bytes, not by their names.
 pub mod checked;
+pub mod color_space;
 pub mod exr_file;
+pub mod layers;
+mod placement;
+mod png_chunks;
+mod radiance;
 pub mod read;
 pub mod srgb;
 pub mod write;
 
-pub use exr_file::ExrLayer;
+pub use exr_file::{Exr, ExrLayer};
 pub use read::{CodeImage, ColorImage, FileImage, Raster, Samples};

@@ -68,6 +68,46 @@ impl Rule {
     }
 }
 
+/// Returns the factor that makes depth metres, and the unit it is in, if it seems to be in another.
+/// `nearest` is the distance of the nearest surfaces, and `floor` that of the floor under the camera.
+pub fn unit(nearest: f32, floor: Option<f32>) -> Option<(f64, &'static str)> {
+    // A camera stands less than 25 m over its floor, and something is nearer than 40 m.
+    let (metres, limit) = floor.map_or((nearest, 40.0), |floor| (floor, 25.0));
+    match metres {
+        d if d > 8.0 * limit => Some((0.001, "millimetres")),
+        d if d > limit => Some((0.01, "centimetres")),
+        _ => None,
+    }
+}
+
+/// Warns of depth whose nearest surfaces are so far that it cannot be in metres.
+pub fn unit_warning(depth: &[f32], rule: &Rule) -> Option<String> {
+    // Some hundred thousand texels tell a percentile.
+    let known = depth.iter().step_by(depth.len() / 100_000 + 1).copied().filter(|depth| *depth > 0.0);
+    let mut known: Vec<f32> = known.collect();
+    known.sort_by(f32::total_cmp);
+    let (nearest, farthest) = (*known.get(known.len() / 100)?, *known.last()?);
+    let (factor, unit) = unit(nearest, None).filter(|_| rule.encoding != DepthEncoding::Disparity)?;
+    Some(unit_words(nearest, farthest, unit, rule.scale * factor))
+}
+
+/// Says that depth is in another unit.
+pub fn unit_words(nearest: f32, farthest: f32, unit: &str, scale: f64) -> String {
+    let (near, far) = (length_words(nearest), length_words(farthest));
+    format!("its depth is from {near} to {far}: it seems to be in {unit}; write scale = {scale}")
+}
+
+/// Returns a length in metres as people write it.
+pub fn length_words(metres: f32) -> String {
+    match metres {
+        m if m >= 1000.0 => format!("{:.1} km", m / 1000.0),
+        m if m >= 100.0 => format!("{m:.0} m"),
+        m if m >= 10.0 => format!("{m:.1} m"),
+        m if m >= 0.1 => format!("{m:.2} m"),
+        m => format!("{:.1} mm", m * 1000.0),
+    }
+}
+
 /// Returns the radial depth of a box seen from inside. Its extents are `extent`, and `center` is relative to
 /// the panorama's point. The box is aligned with the world, and the panorama is turned by `yaw_degrees`.
 pub fn box_depth(size: [u32; 2], extent: Vec3, center: Vec3, yaw_degrees: f64) -> Vec<f32> {

@@ -125,6 +125,7 @@ mod tests {
             depth: vec![1.0],
             quantisation: Quantisation::None,
             warnings: vec![],
+            taken: Default::default(),
         };
         for row in 0..8 {
             for column in 0..16 {

@@ -1,4 +1,4 @@
-//! Names of image sequences, as `%d` or `%04d`.
+//! Names of image sequences, as `%d`, `%04d` or `####`.
 
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -13,34 +13,49 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Reads a path. The file's name may hold one `%d` or `%0Nd`, and `%%` for a percent sign.
+    /// Reads a path. The file's name may hold one frame number as `%d`, `%0Nd` or `####`, and `%%` for a
+    /// percent sign. A folder's name is taken as it is.
     ///
     /// # Errors
     /// Fails if there is another `%` or a second number.
     pub fn parse(path: &Path) -> Result<Self> {
-        let text = path.to_string_lossy();
         let bad = |problem: &str| {
-            Error::input(path.display(), problem, "write one frame number as %d or %04d, and a percent sign as %%")
+            let remedy = "write one frame number as %04d or ####, and a percent sign as %%";
+            Error::input(path.display(), problem, remedy)
         };
-        let mut pattern = Self { before: String::new(), after: String::new(), width: None };
-        let mut rest = text.as_ref();
-        while let Some(at) = rest.find('%') {
-            let (plain, tail) = (&rest[..at], &rest[at + 1..]);
-            pattern.push(plain);
-            let end = tail.find(|c: char| !c.is_ascii_digit()).unwrap_or(tail.len());
-            rest = match (tail[end..].chars().next(), end) {
-                (Some('%'), 0) => {
-                    pattern.push("%");
-                    &tail[1..]
+        let text = path.to_string_lossy();
+        let (folder, mut rest) = text.split_at(text.rfind(std::path::is_separator).map_or(0, |at| at + 1));
+        let mut pattern = Self { before: folder.to_owned(), after: String::new(), width: None };
+        while let Some(at) = rest.find(['%', '#']) {
+            pattern.push(&rest[..at]);
+            let (sign, tail) = rest[at..].split_at(1);
+            let hashes = 1 + tail.len() - tail.trim_start_matches('#').len();
+            let digits = tail.find(|c: char| !c.is_ascii_digit()).unwrap_or(tail.len());
+            let width = match (sign, tail[digits..].chars().next()) {
+                ("#", _) if hashes == 1 => {
+                    pattern.push("#");
+                    rest = tail;
+                    continue;
                 }
-                (Some('d'), _) if pattern.width.is_some() => return Err(bad("two frame numbers in one pattern")),
-                (Some('d'), _) => {
-                    let width = if end == 0 { Ok(0) } else { tail[..end].parse() };
-                    pattern.width = Some(width.ok().filter(|w| *w <= 20).ok_or_else(|| bad("the number is too wide"))?);
-                    &tail[end + 1..]
+                ("#", _) => {
+                    rest = &tail[hashes - 1..];
+                    Some(hashes)
+                }
+                (_, Some('%')) if digits == 0 => {
+                    pattern.push("%");
+                    rest = &tail[1..];
+                    continue;
+                }
+                (_, Some('d')) => {
+                    rest = &tail[digits + 1..];
+                    if digits == 0 { Some(0) } else { tail[..digits].parse().ok() }
                 }
                 _ => return Err(bad("a % that is no frame number")),
             };
+            if pattern.width.is_some() {
+                return Err(bad("two frame numbers in one pattern"));
+            }
+            pattern.width = Some(width.filter(|width| *width <= 20).ok_or_else(|| bad("the number is too wide"))?);
         }
         pattern.push(rest);
         Ok(pattern)
@@ -97,8 +112,13 @@ mod tests {
         assert_eq!(pattern("a/%04d_rgb.jpg").expect("valid").file(60), Path::new("a/0060_rgb.jpg"));
         assert_eq!(pattern("a/f%d.png").expect("valid").file(60), Path::new("a/f60.png"));
         assert_eq!(pattern("a/%3d%%.png").expect("valid").file(7), Path::new("a/007%.png"));
-        assert!(!pattern("a/b.png").expect("valid").is_sequence());
-        for bad in ["%d_%d.png", "%s.png", "50%.png", "%"] {
+        assert_eq!(pattern("a/f.####.exr").expect("valid").file(60), Path::new("a/f.0060.exr"));
+        assert_eq!(pattern("100% done/a#1/f%d.png").expect("valid").file(2), Path::new("100% done/a#1/f2.png"));
+        for single in ["a/b.png", "50% %d/#%s/b#1.png"] {
+            let parsed = pattern(single).expect("valid");
+            assert!(!parsed.is_sequence() && parsed.file(3) == Path::new(single), "{single}");
+        }
+        for bad in ["%d_%d.png", "##_%d.png", "%s.png", "50%.png", "%", "%99999d.png"] {
             assert!(pattern(bad).is_err(), "{bad}");
         }
     }

@@ -1,13 +1,13 @@
 //! Loads panorama frames from image files, from image sequences or from memory.
 
 use super::{
-    depth::{Quantisation, Rule, box_depth},
+    depth::{Quantisation, Rule, box_depth, unit_warning},
     pattern::Pattern,
     tone,
 };
 use crate::{
     Error, Result,
-    image_file::{CodeImage, ColorImage, FileImage, Raster, Samples, read},
+    image_file::{CodeImage, ColorImage, FileImage, Raster, Samples, layers::Taken, read},
 };
 use glam::Vec3;
 use std::{
@@ -30,6 +30,8 @@ pub struct PanoramaFrame {
     pub quantisation: Quantisation,
     /// What was mended, or is unusual, in these files.
     pub warnings: Vec<String>,
+    /// Which channels of an EXR hold the colour and the depth, and what else there was.
+    pub taken: [Option<String>; 2],
 }
 
 /// The source of depth.
@@ -66,7 +68,11 @@ pub struct FrameRange {
 pub struct PanoramaSpec {
     /// The path of an image, or a pattern.
     pub color: PathBuf,
+    /// The layer of an EXR that holds the colour; by default the one whose name means colour.
+    pub color_layer: Option<String>,
     pub depth: DepthSource,
+    /// The layer or channel of an EXR that holds the depth; by default the one whose name means depth.
+    pub depth_layer: Option<String>,
     pub packing: Packing,
     pub frames: Option<FrameRange>,
     /// Frames a second of a sequence.
@@ -96,6 +102,8 @@ pub struct PanoramaSource {
     pub yaw_degrees: f32,
     /// The factor by which saturated LDR texels were raised ([`tone`]). It is undone where the output is LDR.
     pub inverse_tonemap: f32,
+    /// What is unusual about the sequence. Each frame has warnings of its own.
+    pub warnings: Vec<String>,
 }
 
 #[derive(Clone, Debug)]
@@ -116,7 +124,14 @@ impl PanoramaSource {
             let problem = "no frames, or arrays that do not fit their sizes";
             return Err(Error::input("panorama", problem, "give width × height texels"));
         }
-        Ok(Self { frames: FrameSource::Memory(Arc::new(frames)), fps, position, yaw_degrees, inverse_tonemap: 1.0 })
+        Ok(Self {
+            frames: FrameSource::Memory(Arc::new(frames)),
+            fps,
+            position,
+            yaw_degrees,
+            inverse_tonemap: 1.0,
+            warnings: Vec::new(),
+        })
     }
 
     /// Returns the factor on radiance that was applied on loading.
@@ -124,6 +139,14 @@ impl PanoramaSource {
         match &self.frames {
             FrameSource::Files { spec, .. } if spec.exposure > 0.0 => spec.exposure,
             _ => 1.0,
+        }
+    }
+
+    /// Returns what the scene file says; `None` for frames that were made in memory.
+    pub fn spec(&self) -> Option<&PanoramaSpec> {
+        match &self.frames {
+            FrameSource::Files { spec, .. } => Some(spec),
+            FrameSource::Memory(_) => None,
         }
     }
 
@@ -148,6 +171,7 @@ impl PanoramaSource {
             _ => None,
         };
         let sequence = [Some(&color), depth.as_ref()].into_iter().flatten().find(|pattern| pattern.is_sequence());
+        let mut warnings = Vec::new();
         let numbers: Vec<u32> = match (spec.frames, sequence) {
             (_, None) => vec![0],
             (Some(range), Some(_)) => (range.first..=range.last).step_by(range.step.max(1) as usize).collect(),
@@ -161,7 +185,7 @@ impl PanoramaSource {
                         "check the pattern or give frames = [a, b]",
                     ));
                 }
-                numbers
+                over_gaps(&numbers, pattern, &mut warnings)
             }
         };
         for number in &numbers {
@@ -174,7 +198,7 @@ impl PanoramaSource {
         let (fps, position, yaw_degrees) = (spec.fps, spec.position, spec.yaw_degrees);
         let inverse_tonemap = spec.inverse_tonemap;
         let frames = FrameSource::Files { spec: Box::new(spec), color, depth, numbers };
-        Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap })
+        Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, warnings })
     }
 
     /// Returns the number of frames, at least 1.
@@ -207,24 +231,62 @@ impl PanoramaSource {
             FrameSource::Memory(frames) => Ok(frames[index].clone()),
             FrameSource::Files { spec, color, depth, numbers } => {
                 let number = numbers[index];
-                load_frame(spec, &color.file(number), depth.as_ref().map(|depth| depth.file(number)).as_deref())
+                let depth = depth.as_ref().map(|depth| depth.file(number));
+                let frame = load_frame(spec, &color.file(number), depth.as_deref())?;
+                crate::warnings::tell(&frame.warnings);
+                Ok(frame)
             }
         }
     }
 }
+
+/// Fills gaps between the numbers of a sequence, so that each frame keeps its time: in place of a frame that is
+/// missing, the one before is held. Numbers that all lie equally far apart have no gaps.
+fn over_gaps(numbers: &[u32], pattern: &Pattern, warnings: &mut Vec<String>) -> Vec<u32> {
+    let gcd = |mut a: u32, mut b: u32| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let step = numbers.windows(2).fold(0, |step, pair| gcd(step, pair[1] - pair[0]));
+    let (Some(first), Some(last)) = (numbers.first(), numbers.last()) else { return Vec::new() };
+    let frames = (last - first).checked_div(step).map_or(1, |count| count as usize + 1);
+    if frames == numbers.len() || frames > MAX_HELD * numbers.len() {
+        return numbers.to_vec();
+    }
+    let mut held = Vec::with_capacity(frames);
+    let mut missing = Vec::new();
+    for number in (*first..=*last).step_by(step as usize) {
+        let known = numbers.partition_point(|known| *known <= number);
+        if numbers[known - 1] != number {
+            missing.push(pattern.file(number).display().to_string());
+        }
+        held.push(numbers[known - 1]);
+    }
+    let (shown, more) =
+        (missing.iter().take(8).cloned().collect::<Vec<_>>().join(", "), missing.len().saturating_sub(8));
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    warnings.push(format!("{shown}{more}: missing in the sequence; the frame before is held, so that times are kept"));
+    held
+}
+
+/// A sequence with more missing frames than this for each that is there is numbered by something else.
+const MAX_HELD: usize = 100;
 
 fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>) -> Result<PanoramaFrame> {
     let subject = color_path.display().to_string();
     let mut warnings = Vec::new();
     let image = read::read(color_path)?;
     let (color, packed) = match spec.packing {
-        Packing::Separate => (image.into_color(&subject)?, None),
+        Packing::Separate => (image.color_of(spec.color_layer.as_deref(), &subject)?, None),
         packing => {
             let (color, codes) = unpack(image, packing, &subject)?;
             (color, Some(codes))
         }
     };
-    let color = finish_color(color, spec, &subject, &mut warnings)?;
+    let mut taken = [color.taken.as_ref().map(|taken| taken.note("color")), None];
+    let mut color = finish_color(color, spec, &subject, &mut warnings)?;
 
     let rule = &spec.rule;
     let from_codes = |codes: CodeImage| {
@@ -233,7 +295,7 @@ fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>)
     };
     let size = color.size;
     let mut depth_subject = subject.clone();
-    let (depth_size, depth, quantisation) = match (&spec.depth, depth_path, packed) {
+    let (depth_size, mut depth, quantisation) = match (&spec.depth, depth_path, packed) {
         (DepthSource::Sphere(radius), ..) => (size, vec![*radius; color.texels.len()], Quantisation::None),
         (DepthSource::Box { size: extent, center }, ..) => {
             let depth = box_depth(size, *extent, *center - spec.position, f64::from(spec.yaw_degrees));
@@ -241,18 +303,56 @@ fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>)
         }
         (DepthSource::Files(_), Some(path), _) => {
             depth_subject = path.display().to_string();
-            let codes = read::read(path)?.into_codes(&depth_subject)?;
+            let codes = read::read(path)?.codes_of(spec.depth_layer.as_deref(), &depth_subject)?;
+            taken[1] = codes.taken.as_ref().map(|taken| taken.note("depth"));
+            tell(&codes.notes, codes.taken.as_ref(), "depth", &depth_subject, &mut warnings);
             check_aspect(codes.size, &depth_subject, &mut warnings);
             from_codes(codes)
         }
         (_, _, Some(codes)) => from_codes(codes),
         _ => return Err(Error::Internal("a panorama without a depth source".into())),
     };
+    let unknown = forget_unknown(&mut color, depth_size, &mut depth);
+    if unknown > 0 {
+        let share = 100.0 * unknown as f64 / color.texels.len() as f64;
+        let problem = format!("nothing is known of {share:.1} % of its texels: black, and holes in the depth");
+        warnings.push(format!("{subject}: {problem}"));
+    }
     if depth.iter().all(|metres| *metres == 0.0) {
         let problem = "every depth is a hole; the panorama is treated as infinitely far";
         warnings.push(format!("{depth_subject}: {problem} (check encoding, scale, offset and invalid)"));
     }
-    Ok(PanoramaFrame { color_size: size, radiance: color.texels, depth_size, depth, quantisation, warnings })
+    if matches!(spec.depth, DepthSource::Files(_) | DepthSource::Packed) {
+        warnings.extend(unit_warning(&depth, rule).map(|warning| format!("{depth_subject}: {warning}")));
+    }
+    Ok(PanoramaFrame { color_size: size, radiance: color.texels, depth_size, depth, quantisation, warnings, taken })
+}
+
+/// Passes on what is unusual about a file, and which channels were taken if that is in doubt.
+fn tell(notes: &[String], taken: Option<&Taken>, key: &str, subject: &str, warnings: &mut Vec<String>) {
+    let doubt = taken.filter(|taken| taken.unsure).map(|taken| taken.note(key));
+    warnings.extend(notes.iter().chain(&doubt).map(|note| format!("{subject}: {note}")));
+}
+
+/// Makes texels of which nothing is known black, and holes in the depth. Returns how many there are.
+fn forget_unknown(color: &mut ColorImage, depth_size: [u32; 2], depth: &mut [f32]) -> usize {
+    let [width, height] = color.size.map(|side| side as usize);
+    let unknown: Vec<bool> = color.texels.iter().map(|texel| texel[3] == 0.0).collect();
+    let count = unknown.iter().filter(|unknown| **unknown).count();
+    if count > 0 {
+        let columns = depth_size[0] as usize;
+        for (index, metres) in depth.iter_mut().enumerate() {
+            let column = (index % columns * 2 + 1) * width / (2 * columns);
+            let row = (index / columns * 2 + 1) * height / (2 * depth_size[1] as usize);
+            if unknown[row * width + column] {
+                *metres = 0.0;
+            }
+        }
+        for texel in color.texels.iter_mut().filter(|texel| texel[3] == 0.0) {
+            *texel = [0.0, 0.0, 0.0, 1.0];
+        }
+    }
+    count
 }
 
 fn check_aspect(size: [u32; 2], subject: &str, warnings: &mut Vec<String>) {
@@ -270,16 +370,17 @@ fn finish_color(
     warnings: &mut Vec<String>,
 ) -> Result<ColorImage> {
     check_aspect(color.size, subject, warnings);
-    let (mut mended, mut dead) = (0_usize, 0_usize);
-    for texel in &mut color.texels {
-        let mut rgb = [texel[0], texel[1], texel[2]];
-        let bad = rgb.iter().filter(|value| !value.is_finite() || **value < 0.0).count();
-        mended += usize::from(bad > 0);
-        dead += usize::from(rgb.iter().all(|value| !value.is_finite()));
-        for value in &mut rgb {
-            *value = if value.is_finite() { value.max(0.0) } else { 0.0 };
-        }
-        let mut radiance = Vec3::from(rgb);
+    tell(&color.notes, color.taken.as_ref(), "color", subject, warnings);
+    let known = |texel: &&mut [f32; 4]| texel[3] > 0.0;
+    let values = color.texels.iter().flat_map(|texel| &texel[..3]).filter(|value| value.is_finite());
+    // Half precision overflows to infinity, so that is what was brightest.
+    let brightest = values.fold(f32::from(half::f16::MAX), |a, b| a.max(*b));
+    let (mut overflowed, mut negative) = (0_usize, 0_usize);
+    for texel in color.texels.iter_mut().filter(known) {
+        let rgb = [texel[0], texel[1], texel[2]];
+        overflowed += usize::from(rgb.contains(&f32::INFINITY));
+        negative += usize::from(rgb.iter().any(|value| *value < 0.0));
+        let mut radiance = Vec3::from(rgb.map(|value| if value == f32::INFINITY { brightest } else { value.max(0.0) }));
         if color.ldr {
             radiance = tone::expand(radiance, spec.inverse_tonemap);
         }
@@ -287,12 +388,15 @@ fn finish_color(
         let [r, g, b] = (radiance * spec.exposure).min(Vec3::splat(f32::MAX)).to_array();
         *texel = [r, g, b, 1.0];
     }
-    if dead == color.texels.len() {
+    if color.texels.iter().all(|texel| texel[3] == 0.0) {
         return Err(Error::input(subject, "holds no finite pixel", "write the image again"));
     }
-    if mended > 0 {
-        warnings
-            .push(format!("{subject}: {mended} texels with NaN, infinite or negative radiance were set to 0 there"));
+    if negative > 0 {
+        warnings.push(format!("{subject}: {negative} texels with negative radiance were set to 0 there"));
+    }
+    if overflowed > 0 {
+        let problem = format!("{overflowed} texels with infinite radiance were set to {brightest}");
+        warnings.push(format!("{subject}: {problem}, the brightest finite value"));
     }
     Ok(color)
 }
@@ -324,18 +428,26 @@ fn unpack(image: FileImage, packing: Packing, subject: &str) -> Result<(ColorIma
                     Samples::F32(values) => Samples::F32(crop.apply(values, raster.channels)),
                 };
                 // A packed PNG usually comes from a video, so slightly coloured greys are expected.
-                FileImage::Raster(Raster { size: crop.size, channels: raster.channels, samples, lossy: true })
+                let (color, notes) = (raster.color.clone(), Vec::new());
+                FileImage::Raster(Raster {
+                    size: crop.size,
+                    channels: raster.channels,
+                    samples,
+                    lossy: true,
+                    color,
+                    notes,
+                })
             }
-            FileImage::Exr(layers) => {
-                let mut layers = layers.clone();
-                for layer in &mut layers {
+            FileImage::Exr(exr) => {
+                let mut exr = exr.clone();
+                for layer in &mut exr.layers {
                     let crop = halves(layer.size)?[which];
                     layer.size = crop.size;
                     for (_, values) in &mut layer.channels {
                         *values = crop.apply(values, 1);
                     }
                 }
-                FileImage::Exr(layers)
+                FileImage::Exr(exr)
             }
         })
     };

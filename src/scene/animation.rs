@@ -1,6 +1,6 @@
 //! Values over time, given by key frames.
 
-use glam::{Affine3A, Mat3, Quat, Vec3};
+use glam::{Affine3A, EulerRot, Mat3, Quat, Vec3};
 
 /// A type whose key frames can be interpolated.
 pub trait Lerp: Copy {
@@ -20,9 +20,40 @@ impl Lerp for Vec3 {
     }
 }
 
-impl Lerp for Quat {
+/// A rotation as key frames give it. Angles are interpolated as angles, so that from 0° to 360° is a turn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turn {
+    /// What follows the angles.
+    pub by: Quat,
+    /// Degrees about x, y and z: Rx·Ry·Rz.
+    pub degrees: Vec3,
+}
+
+impl Turn {
+    /// Makes a rotation by angles in degrees.
+    pub fn of_degrees(degrees: Vec3) -> Self {
+        Self { by: Quat::IDENTITY, degrees }
+    }
+
+    /// Returns the rotation.
+    pub fn quat(self) -> Quat {
+        if self.degrees == Vec3::ZERO {
+            return self.by;
+        }
+        let [x, y, z] = self.degrees.to_array().map(f32::to_radians);
+        self.by * Quat::from_euler(EulerRot::XYZ, x, y, z)
+    }
+}
+
+impl From<Quat> for Turn {
+    fn from(by: Quat) -> Self {
+        Self { by, degrees: Vec3::ZERO }
+    }
+}
+
+impl Lerp for Turn {
     fn mix(a: Self, b: Self, t: f32) -> Self {
-        a.slerp(b, t)
+        Self { by: a.by.slerp(b.by, t), degrees: a.degrees.lerp(b.degrees, t) }
     }
 }
 
@@ -97,7 +128,7 @@ impl Transform {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
     pub translation: Track<Vec3>,
-    pub rotation: Track<Quat>,
+    pub rotation: Track<Turn>,
     pub scale: Track<Vec3>,
 }
 
@@ -106,7 +137,7 @@ impl Placement {
     pub fn fixed(transform: Transform) -> Self {
         Self {
             translation: Track::constant(transform.translation),
-            rotation: Track::constant(transform.rotation),
+            rotation: Track::constant(transform.rotation.into()),
             scale: Track::constant(transform.scale),
         }
     }
@@ -120,7 +151,7 @@ impl Placement {
     pub fn at(&self, time: f64) -> Transform {
         Transform {
             translation: self.translation.at(time),
-            rotation: self.rotation.at(time),
+            rotation: self.rotation.at(time).quat(),
             scale: self.scale.at(time),
         }
     }
@@ -181,8 +212,13 @@ mod tests {
 
     #[test]
     fn rotations_turn_at_constant_speed() {
-        let track = Track::from_keys(vec![(0.0, Quat::IDENTITY), (1.0, Quat::from_rotation_y(1.0))], Quat::IDENTITY);
-        assert!(track.at(0.25).angle_between(Quat::from_rotation_y(0.25)) < 1e-3);
+        let keys = [(0.0, Quat::IDENTITY), (1.0, Quat::from_rotation_y(1.0))].map(|(time, turn)| (time, turn.into()));
+        let track: Track<Turn> = Track::from_keys(keys.to_vec(), Quat::IDENTITY.into());
+        assert!(track.at(0.25).quat().angle_between(Quat::from_rotation_y(0.25)) < 1e-3);
+        let round = [(0.0, Vec3::ZERO), (1.0, Vec3::new(0.0, 720.0, 0.0))].map(|(t, d)| (t, Turn::of_degrees(d)));
+        let track = Track::from_keys(round.to_vec(), Quat::IDENTITY.into());
+        let third = Quat::from_rotation_y(240_f32.to_radians());
+        assert!(track.at(1.0 / 3.0).quat().angle_between(third) < 1e-3, "angles go round twice");
     }
 
     #[test]

@@ -40,7 +40,14 @@ impl CompleteScene {
         let placement = Placement::fixed(Transform::IDENTITY);
         let room = Object { name: room.name.clone(), model: room, placement, clip, speed: 1.0 };
         let all: Vec<Object> = std::iter::once(room).chain(objects).collect();
-        let (packed, placed, warnings) = state::place(&all)?;
+        let (packed, placed, mut warnings) = state::place(&all)?;
+        let shines = packed.materials.iter().any(|material| material.emissive.max_element() > 0.0)
+            || all.iter().any(|object| !object.model.lights.is_empty());
+        if !shines {
+            let remedy =
+                "give the room a lamp (an emissive material or KHR_lights_punctual), or capture it with --unlit";
+            warnings.push(format!("{name}: nothing in it shines, so that all of it is black; {remedy}"));
+        }
         Ok(Self { name: name.to_owned(), camera, packed, fps: 30.0, exposure: 1.0, warnings, placed })
     }
 

@@ -2,7 +2,7 @@
 //! neither.
 
 use super::{
-    animation::{Lerp, Placement, Track, Transform},
+    animation::{Lerp, Placement, Track, Transform, Turn},
     bvh,
     packed::NONE,
     state::{self, Object, Scene},
@@ -20,7 +20,7 @@ impl Placement {
             (to.translation - now.translation, to.rotation * now.rotation.inverse(), to.scale / now.scale);
         Self {
             translation: mapped(&self.translation, |value| value + shift),
-            rotation: mapped(&self.rotation, |value| (turn * value).normalize()),
+            rotation: mapped(&self.rotation, |value| Turn { by: (turn * value.by).normalize(), ..value }),
             scale: mapped(&self.scale, |value| value * grow),
         }
     }

@@ -3,7 +3,7 @@
 
 use super::{
     Object,
-    animation::{Lerp, Placement, Track},
+    animation::{Lerp, Placement, Track, Turn},
     camera::{Aim, CameraTrack},
     gltf::export::to_glb,
     model::Model,
@@ -142,8 +142,11 @@ fn vector(value: Vec3) -> Value {
     numbers(&value.to_array())
 }
 
-fn quaternion(value: Quat) -> Value {
-    numbers(&value.to_array())
+fn rotation(value: Turn) -> Value {
+    if value.by == Quat::IDENTITY && value.degrees != Vec3::ZERO {
+        return numbers(&value.degrees.to_array());
+    }
+    numbers(&value.quat().to_array())
 }
 
 /// Writes `name` as a constant, or merges its key frames by time into `keys`, one table a key frame.
@@ -185,7 +188,7 @@ fn with_keys(mut table: Table, mut keys: Vec<(f64, Table)>) -> Table {
 pub fn placement_table(placement: &Placement) -> Table {
     let (mut table, mut keys) = (Table::new(), Vec::new());
     track(&mut table, &mut keys, "translation", &placement.translation, vector);
-    track(&mut table, &mut keys, "rotation", &placement.rotation, quaternion);
+    track(&mut table, &mut keys, "rotation", &placement.rotation, rotation);
     track(&mut table, &mut keys, "scale", &placement.scale, vector);
     with_keys(table, keys)
 }

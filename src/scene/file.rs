@@ -1,7 +1,7 @@
 //! Parses the scene file (`docs/scene.md`) to plain values, and reports everything that is wrong at once.
 
 use super::{
-    animation::{Placement, Track, Transform},
+    animation::{Placement, Track, Turn},
     camera::{Aim, CameraTrack},
     fields::{FieldTable, Problems},
     file_panorama::read_panorama,
@@ -9,7 +9,7 @@ use super::{
     shapes::Shape,
 };
 use crate::{Error, image_file::read, panorama::source::PanoramaSpec};
-use glam::{EulerRot, Quat, Vec3};
+use glam::{Quat, Vec3};
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -296,12 +296,14 @@ fn read_material(fields: &FieldTable, warnings: &mut Vec<String>) -> MaterialOve
     }
 }
 
-fn read_rotation(fields: &FieldTable) -> Option<Quat> {
+fn read_rotation(fields: &FieldTable) -> Option<Turn> {
     let values = fields.numbers("rotation")?;
     let values: Vec<f32> = values.iter().map(|v| *v as f32).collect();
     match values[..] {
-        [x, y, z] => Some(Quat::from_euler(EulerRot::XYZ, x.to_radians(), y.to_radians(), z.to_radians())),
-        [x, y, z, w] if Quat::from_xyzw(x, y, z, w).length() > 1e-6 => Some(Quat::from_xyzw(x, y, z, w).normalize()),
+        [x, y, z] => Some(Turn::of_degrees(Vec3::new(x, y, z))),
+        [x, y, z, w] if Quat::from_xyzw(x, y, z, w).length() > 1e-6 => {
+            Some(Quat::from_xyzw(x, y, z, w).normalize().into())
+        }
         _ => {
             let remedy = "give [x, y, z] in degrees or a quaternion [x, y, z, w]";
             fields.complain("rotation", "is no rotation", remedy);
@@ -322,11 +324,9 @@ fn read_scale(fields: &FieldTable) -> Option<Vec3> {
 }
 
 fn read_placement(fields: &FieldTable) -> Placement {
-    let base = Transform {
-        translation: fields.vector("translation").map_or(Vec3::ZERO, vec3),
-        rotation: read_rotation(fields).unwrap_or(Quat::IDENTITY),
-        scale: read_scale(fields).unwrap_or(Vec3::ONE),
-    };
+    let translation = fields.vector("translation").map_or(Vec3::ZERO, vec3);
+    let rotation = read_rotation(fields).unwrap_or(Quat::IDENTITY.into());
+    let scale = read_scale(fields).unwrap_or(Vec3::ONE);
     let (mut translations, mut rotations, mut scales) = (Vec::new(), Vec::new(), Vec::new());
     for key in fields.tables("key", &["time", "translation", "rotation", "scale"]) {
         let Some(time) = key_time(&key) else { continue };
@@ -340,9 +340,9 @@ fn read_placement(fields: &FieldTable) -> Placement {
         scales.extend(scale.map(|value| (time, value)));
     }
     Placement {
-        translation: Track::from_keys(translations, base.translation),
-        rotation: Track::from_keys(rotations, base.rotation),
-        scale: Track::from_keys(scales, base.scale),
+        translation: Track::from_keys(translations, translation),
+        rotation: Track::from_keys(rotations, rotation),
+        scale: Track::from_keys(scales, scale),
     }
 }
 

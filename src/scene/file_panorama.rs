@@ -5,10 +5,12 @@ use crate::{
     image_file::read,
     panorama::{
         depth::{DepthEncoding, Rule},
+        pattern::Pattern,
         source::{DepthSource, FrameRange, Packing, PanoramaSpec},
     },
 };
 use glam::Vec3;
+use std::path::PathBuf;
 use toml::Value;
 
 pub(super) const KEYS: &[&str] = &[
@@ -34,19 +36,22 @@ pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> 
     if !fields.has("color") {
         fields.complain("color", "is missing", "name the panorama's image");
     }
-    let color = fields.file_path("color");
-    if let Some(path) = &color {
-        refuse_video(fields, "color", path);
-    }
+    let (color, color_layer) = match read_file(fields, "color") {
+        Some((color, layer)) => (Some(color), layer),
+        None => (None, None),
+    };
     let packing = match fields.word("packing", &["separate", "top-bottom", "left-right"]) {
         Some(1) => Packing::TopBottom,
         Some(2) => Packing::LeftRight,
         _ => Packing::Separate,
     };
     let position = fields.vector("position").map_or(Vec3::ZERO, vec3);
-    let depth = read_depth(fields, packing, position);
+    let (depth, depth_layer) = match read_depth(fields, packing, position) {
+        Some((depth, layer)) => (Some(depth), layer),
+        None => (None, None),
+    };
     let frames = read_frames(fields);
-    let patterned = |path: &std::path::Path| path.to_string_lossy().replace("%%", "").contains('%');
+    let patterned = |path: &std::path::Path| Pattern::parse(path).is_ok_and(|pattern| pattern.is_sequence());
     let any_pattern =
         color.as_deref().is_some_and(patterned) || matches!(&depth, Some(DepthSource::Files(path)) if patterned(path));
     if frames.is_some() && color.is_some() && !any_pattern {
@@ -67,7 +72,9 @@ pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> 
     let inverse_tonemap = fields.number_in("inverse_tonemap", "from 1 to 1e6", |v| (1.0..=1e6).contains(&v));
     Some(PanoramaSpec {
         color: color?,
+        color_layer,
         depth: depth?,
+        depth_layer,
         packing,
         frames,
         fps: positive("fps").unwrap_or(30.0),
@@ -88,26 +95,41 @@ fn refuse_video(fields: &FieldTable, key: &str, path: &std::path::Path) {
     }
 }
 
-fn read_depth(fields: &FieldTable, packing: Packing, position: Vec3) -> Option<DepthSource> {
+/// Reads `"file"` or `{ file = "…", layer = "…" }`.
+fn read_file(fields: &FieldTable, key: &str) -> Option<(PathBuf, Option<String>)> {
+    let (path, layer) = match fields.value(key)? {
+        Value::Table(_) => {
+            let table = fields.table(key, &["file", "layer"])?;
+            if !table.has("file") {
+                table.complain("file", "is missing", "name the image");
+            }
+            (table.file_path("file")?, table.string("layer").map(str::to_owned))
+        }
+        _ => (fields.file_path(key)?, None),
+    };
+    refuse_video(fields, key, &path);
+    Some((path, layer))
+}
+
+fn read_depth(fields: &FieldTable, packing: Packing, position: Vec3) -> Option<(DepthSource, Option<String>)> {
     if packing != Packing::Separate {
         if fields.has("depth") {
             fields.complain("depth", "the colour image already holds the depth", "leave depth out, or packing");
         }
-        return Some(DepthSource::Packed);
+        return Some((DepthSource::Packed, None));
     }
     match fields.value("depth") {
         None => {
             fields.complain("depth", "is missing", "name the depth image, or give a radius or a box");
             None
         }
-        Some(Value::String(_)) => {
-            let path = fields.file_path("depth")?;
-            refuse_video(fields, "depth", &path);
-            Some(DepthSource::Files(path))
+        Some(Value::Table(table)) if table.contains_key("file") => {
+            read_file(fields, "depth").map(|(path, layer)| (DepthSource::Files(path), layer))
         }
+        Some(Value::String(_)) => read_file(fields, "depth").map(|(path, _)| (DepthSource::Files(path), None)),
         Some(Value::Integer(_) | Value::Float(_)) => {
             let radius = fields.number_in("depth", "above 0 (metres)", |v| v > 0.0 && v < 1e9)?;
-            Some(DepthSource::Sphere(radius as f32))
+            Some((DepthSource::Sphere(radius as f32), None))
         }
         Some(Value::Table(_)) => {
             let table = fields.table("depth", &["box", "center"])?;
@@ -121,10 +143,10 @@ fn read_depth(fields: &FieldTable, packing: Packing, position: Vec3) -> Option<D
             } else if ((position - center).abs() - 0.5 * size).max_element() >= 0.0 {
                 table.complain("box", "the capture point lies outside the box", "check box, center and position");
             }
-            Some(DepthSource::Box { size, center })
+            Some((DepthSource::Box { size, center }, None))
         }
         Some(_) => {
-            let remedy = "give a file, a radius in metres, or { box = [x, y, z], center = [x, y, z] }";
+            let remedy = "give a file, { file = \"…\", layer = \"…\" }, a radius in metres, or { box = [x, y, z], center = [x, y, z] }";
             fields.complain("depth", "is neither file, number nor box", remedy);
             None
         }

@@ -7,9 +7,13 @@ use super::{
     gltf,
     material::Material,
     model::Model,
+    plausible::swallowing,
     state::{Object, Scene},
 };
-use crate::{Error, Result, panorama::source::PanoramaSource};
+use crate::{
+    Error, Result,
+    panorama::source::{PanoramaFrame, PanoramaSource},
+};
 use glam::Vec3;
 use std::{
     collections::HashMap,
@@ -37,10 +41,18 @@ impl Scene {
 
     /// Reads everything that a scene file names, and returns every problem and every warning.
     pub fn problems(path: &Path) -> (Vec<Error>, Vec<String>) {
+        let examined = Self::examine(path);
+        (examined.problems, examined.warnings)
+    }
+
+    /// Reads everything that a scene file names. Also returns the scene and its first frame, as far as they
+    /// can be used.
+    pub fn examine(path: &Path) -> Examined {
         let file = match file::read_scene_file(path) {
             Ok(file) => file,
-            Err(problems) => return (problems, Vec::new()),
+            Err(problems) => return Examined { problems, ..Examined::default() },
         };
+        let (mut whole, mut first) = (None, None);
         let (mut problems, mut warnings) = (Vec::new(), Vec::new());
         let mut loader = Loader::new(path);
         let mut objects = Vec::new();
@@ -61,12 +73,18 @@ impl Scene {
             Ok(panorama) => {
                 for index in 0..panorama.frame_count() {
                     match panorama.load(index) {
-                        Ok(frame) => warnings.extend(frame.warnings),
+                        Ok(frame) => {
+                            warnings.extend(frame.warnings.iter().cloned());
+                            first.get_or_insert(frame);
+                        }
                         Err(problem) => problems.push(problem),
                     }
                 }
                 match assemble(file, panorama, objects, loader.warnings) {
-                    Ok(scene) => warnings.extend(scene.warnings),
+                    Ok(scene) => {
+                        warnings.extend(scene.warnings.iter().cloned());
+                        whole = Some(scene);
+                    }
                     Err(problem) => problems.push(problem),
                 }
             }
@@ -78,8 +96,18 @@ impl Scene {
         let mut seen = std::collections::HashSet::new();
         problems.retain(|problem| seen.insert(problem.to_string()));
         warnings.retain(|warning| seen.insert(warning.clone()));
-        (problems, warnings)
+        Examined { problems, warnings, scene: whole, first }
     }
+}
+
+/// What is known of a scene file after all that it names was read.
+#[derive(Debug, Default)]
+pub struct Examined {
+    pub problems: Vec<Error>,
+    pub warnings: Vec<String>,
+    pub scene: Option<Scene>,
+    /// The first frame of its panorama that can be read.
+    pub first: Option<PanoramaFrame>,
 }
 
 impl CompleteScene {
@@ -144,8 +172,15 @@ fn assemble(
     let dark: Vec<String> = shining.map(|object| format!("object {}: {dark}", object.name)).collect();
     let mut scene = Scene::assemble(&file.name, panorama, file.camera, objects, file.render)?;
     let mut warnings = file.warnings;
+    warnings.extend(scene.panorama.warnings.iter().cloned());
     warnings.extend(loaded_warnings);
     warnings.extend(dark);
+    let (count, position) = (scene.object_count(), scene.panorama.position);
+    let bounds = (0..count).map(|index| (index, scene.object_bounds(index, 0.0)));
+    warnings.extend(bounds.filter_map(|(index, bounds)| {
+        let object = scene.objects().nth(index)?;
+        swallowing(&object.name, bounds, position)
+    }));
     warnings.append(&mut scene.warnings);
     (scene.room, scene.warnings) = (file.room, distinct(warnings));
     Ok(scene)

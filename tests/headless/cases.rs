@@ -125,9 +125,7 @@ fn triangles(scene: &Scene, time: f64) -> Vec<Triangle> {
         let world = |p: Vec3| Vec3::from_array(rows.map(|row| row.dot(p.extend(1.0))));
         // Nodes are in depth-first order, so a mesh ends where the next begins.
         let roots = packed.nodes[instance.root as usize..].iter();
-        let mut leaves = 0;
         for node in roots {
-            leaves += 1;
             let (first, count) = (node.leaf >> 3, node.leaf & 7);
             for index in first..first + if node.leaf == 0 { 0 } else { count } {
                 let (at, shading) = (packed.triangles[index as usize], packed.shading[index as usize]);
@@ -144,7 +142,7 @@ fn triangles(scene: &Scene, time: f64) -> Vec<Triangle> {
                     texels: texels.to_vec(),
                 });
             }
-            if node.next == iprt::scene::packed::NONE && leaves > 0 {
+            if node.leaf != 0 && node.next == iprt::scene::packed::NONE {
                 break;
             }
         }

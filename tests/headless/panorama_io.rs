@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use image::{ImageBuffer, Luma, Rgb};
 use iprt::{
-    image_file::{ExrLayer, FileImage, read, write},
+    image_file::{Exr, ExrLayer, FileImage, read, write},
     panorama::{depth::Quantisation, mapping, source::PanoramaFrame},
     scene::Scene,
 };
@@ -158,8 +158,17 @@ fn bad_radiance_is_mended_or_refused() {
     texels[3][2] = -1.0;
     write::write_exr(&color, &[ExrLayer::rgb("", size, &texels)]).expect("written");
     let frame = load(&path).expect("loads");
-    assert_eq!(frame.radiance[1], [0.0, 1.0, 1.0, 1.0]);
-    assert!(frame.warnings.len() == 1 && frame.warnings[0].contains("3 texels") && frame.warnings[0].contains("c.exr"));
+    assert_eq!(frame.radiance[1], [0.0, 0.0, 0.0, 1.0], "a texel that is no number is not known");
+    assert!(frame.depth[1] == 0.0 && frame.depth[0] > 0.0);
+    assert_eq!(frame.radiance[2], [1.0, 65504.0, 1.0, 1.0], "the sun in half precision");
+    assert_eq!(frame.radiance[3], [1.0, 1.0, 0.0, 1.0]);
+    for words in ["12.5 % of its texels", "1 texels with negative", "1 texels with infinite"] {
+        assert!(
+            frame.warnings.iter().any(|w| w.contains(words) && w.contains("c.exr")),
+            "{words}: {:?}",
+            frame.warnings
+        );
+    }
     exr(&color, size, &[("R", f32::NAN), ("G", f32::NAN), ("B", f32::NAN)]);
     assert!(load(&path).expect_err("refused").contains("no finite pixel"));
 }
@@ -186,7 +195,7 @@ fn unusable_files_give_one_line_that_names_them() {
     std::fs::write(&color, "").expect("written");
     refused("empty");
     std::fs::write(&color, "a text").expect("written");
-    refused("is not a PNG, JPEG, EXR or HDR");
+    refused("is not a PNG, JPEG, WebP, TIFF, EXR or HDR");
     std::fs::write(&color, b"\0\0\0\x20ftypisom\0\0\0\0").expect("written");
     refused("ffmpeg");
     exr(&color, [4, 2], &[("X", 1.0), ("diffuse.U", 1.0)]);
@@ -263,7 +272,7 @@ fn what_is_written_is_read_back() {
         ExrLayer { name: "depth".into(), size, channels: vec![("Z".into(), values.clone())] },
     ];
     write::write_exr(&path, &layers).expect("written");
-    let FileImage::Exr(read_layers) = read::read(&path).expect("read") else { panic!("an EXR") };
+    let FileImage::Exr(Exr { layers: read_layers, .. }) = read::read(&path).expect("read") else { panic!("an EXR") };
     assert_eq!(read_layers.len(), 3);
     for layer in &layers {
         let found = read_layers.iter().find(|l| l.name == layer.name).expect("the layer");

@@ -2,7 +2,10 @@
 
 use glam::{EulerRot, Quat, Vec3};
 use image::{ImageBuffer, Rgb};
-use iprt::{cli::check, scene::Scene};
+use iprt::{
+    cli::{check, common::DeviceArgs},
+    scene::Scene,
+};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -165,7 +168,15 @@ fn each_frame_of_a_sequence_is_checked() {
     assert_eq!(problems.len(), 1, "{problems:?}");
     assert!(problems[0].to_string().contains("f1.png"));
     assert!(Scene::load(&path).is_ok_and(|scene| scene.panorama.frame_count() == 3 && scene.panorama.load(1).is_err()));
-    let error = check::run(&check::Args { scene: path }).expect_err("refused");
+    let args = check::Args {
+        scene: path.display().to_string(),
+        output: None,
+        json: None,
+        strict: false,
+        quiet: false,
+        device: DeviceArgs { device: None, validation: false },
+    };
+    let error = check::run(&args).expect_err("refused");
     assert_eq!(error.exit_code(), 2);
 }
 

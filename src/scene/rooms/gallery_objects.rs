@@ -40,7 +40,7 @@ fn roll() -> Placement {
     let time = |i: usize| PERIOD * i as f64 / KEYS as f64;
     Placement {
         translation: Track::from_keys((0..=KEYS).map(|i| (time(i), at(i).0)).collect(), Vec3::ZERO),
-        rotation: Track::from_keys((0..=KEYS).map(|i| (time(i), at(i).1)).collect(), Quat::IDENTITY),
+        rotation: Track::from_keys((0..=KEYS).map(|i| (time(i), at(i).1.into())).collect(), Quat::IDENTITY.into()),
         scale: Track::constant(Vec3::ONE),
     }
 }

@@ -32,7 +32,7 @@ pub trait Turned {
 
 impl Turned for Object {
     fn turned(mut self, rotation: Quat) -> Self {
-        self.placement.rotation = Track::constant(rotation);
+        self.placement.rotation = Track::constant(rotation.into());
         self
     }
 }
@@ -207,7 +207,10 @@ pub fn fly(centre: Vec3, reach: Vec3) -> Placement {
     let time = |i: usize| PERIOD * i as f64 / KEYS as f64;
     Placement {
         translation: Track::from_keys((0..=KEYS).map(|i| (time(i), at(i % KEYS).0)).collect(), Vec3::ZERO),
-        rotation: Track::from_keys((0..=KEYS).map(|i| (time(i), at(i % KEYS).1)).collect(), Quat::IDENTITY),
+        rotation: Track::from_keys(
+            (0..=KEYS).map(|i| (time(i), at(i % KEYS).1.into())).collect(),
+            Quat::IDENTITY.into(),
+        ),
         scale: Track::constant(Vec3::ONE),
     }
 }

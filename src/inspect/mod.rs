@@ -1,0 +1,180 @@
+//! What a scene measures: picture, depth, floor, light, objects and how they stand. `iprt check` prints it, as
+//! text, JSON or a sheet of pictures, with a warning for what can hardly be right and the line to write.
+
+pub mod cloud;
+pub mod object;
+pub mod room;
+pub mod sheet;
+
+use crate::{
+    panorama::{
+        depth::length_words as metres,
+        source::{DepthSource, PanoramaFrame},
+    },
+    scene::Scene,
+};
+use cloud::Cloud;
+use glam::Vec3;
+use object::ObjectFacts;
+use room::Level;
+use serde::Serialize;
+use std::fmt::Write as _;
+
+/// What a scene measures at its start.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    pub scene: String,
+    pub frames: usize,
+    pub color: ColorFacts,
+    pub depth: DepthFacts,
+    pub floor: Option<Level>,
+    pub ceiling: Option<Level>,
+    pub objects: Vec<ObjectFacts>,
+    /// What can hardly be right.
+    pub warnings: Vec<String>,
+}
+
+/// What the panorama's picture holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct ColorFacts {
+    pub size: [u32; 2],
+    /// The layer or channels that were taken, of a file that has several.
+    pub taken: Option<String>,
+    /// Radiance: the least, the median and the largest luminance.
+    pub radiance: [f32; 3],
+    /// The share of texels with a channel at the largest value, where the camera was saturated.
+    pub clipped: f32,
+}
+
+/// What the panorama's depth holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct DepthFacts {
+    pub size: [u32; 2],
+    pub taken: Option<String>,
+    pub encoding: String,
+    /// Metres at 1, 50 and 99 % of what is known; `None` if all is holes.
+    pub metres: Option<[f32; 3]>,
+    /// The share of the sphere without depth.
+    pub holes: f32,
+}
+
+impl Report {
+    /// Measures a scene by its first panorama frame.
+    pub fn of(scene: &Scene, frame: &PanoramaFrame, cloud: &Cloud) -> Self {
+        let panorama = &scene.panorama;
+        let spec = panorama.spec();
+        let (floor, ceiling) = (room::level(cloud, true), room::level(cloud, false));
+        let subject = match spec.map(|spec| &spec.depth) {
+            Some(DepthSource::Files(path)) => path.display().to_string(),
+            _ => scene.name.clone(),
+        };
+        let measured = matches!(spec.map(|spec| &spec.depth), Some(DepthSource::Files(_) | DepthSource::Packed));
+        let rule = spec.filter(|_| measured).map(|spec| &spec.rule);
+        let mut warnings = room::depth_warnings(cloud, rule, floor, &subject);
+        if measured {
+            warnings.extend(room::edge_warning(room::edges(frame, cloud), &subject));
+        }
+        let objects: Vec<(usize, ObjectFacts)> = (0..scene.object_count())
+            .filter_map(|index| Some((index, ObjectFacts::of(scene, index, cloud, floor, panorama.position)?)))
+            .collect();
+        // In wrong units the room says nothing about its objects.
+        let diagonal = warnings.is_empty().then(|| extent(cloud)).flatten();
+        if warnings.is_empty() {
+            warnings.extend(objects.iter().flat_map(|(index, facts)| facts.warnings(scene, *index, diagonal)));
+        }
+        let percentiles = [0.01, 0.5, 0.99].map(|share| cloud.percentile(share));
+        Self {
+            scene: scene.name.clone(),
+            frames: panorama.frame_count(),
+            color: color_facts(frame),
+            depth: DepthFacts {
+                size: frame.depth_size,
+                taken: frame.taken[1].clone(),
+                encoding: spec.map_or("made in memory".into(), encoding),
+                metres: percentiles.into_iter().collect::<Option<Vec<_>>>().and_then(|all| all.try_into().ok()),
+                holes: cloud.holes(),
+            },
+            floor,
+            ceiling,
+            objects: objects.into_iter().map(|(_, facts)| facts).collect(),
+            warnings,
+        }
+    }
+
+    /// Returns what was measured as text.
+    pub fn text(&self) -> String {
+        let mut out = String::new();
+        let (color, depth) = (&self.color, &self.depth);
+        let taken = |taken: &Option<String>| taken.as_ref().map_or(String::new(), |taken| format!("; {taken}"));
+        let [w, h] = color.size;
+        let _ = writeln!(out, "colour   {w}x{h}, {} frames{}", self.frames, taken(&color.taken));
+        let [least, median, most] = color.radiance;
+        let clipped = 100.0 * color.clipped;
+        let _ = writeln!(
+            out,
+            "light    radiance {least:.3} to {most:.3}, median {median:.3}; {clipped:.1} % at the largest value"
+        );
+        let [w, h] = depth.size;
+        let holes = 100.0 * depth.holes;
+        let range = match depth.metres {
+            Some([near, middle, far]) => format!("{} to {}, median {}", metres(near), metres(far), metres(middle)),
+            None => "nothing but holes".to_owned(),
+        };
+        let _ =
+            writeln!(out, "depth    {w}x{h}, {}: {range}; {holes:.1} % holes{}", depth.encoding, taken(&depth.taken));
+        for (name, level, side) in [("floor  ", self.floor, "under"), ("ceiling", self.ceiling, "over")] {
+            let found = level.map_or("none found".to_owned(), |level| {
+                format!("{} {side} the camera, tilted by {:.1}°", metres(level.distance), level.tilt)
+            });
+            let _ = writeln!(out, "{name}  {found}");
+        }
+        for object in &self.objects {
+            let size = object.size.map(metres).join(" × ");
+            let stands = match (object.gap, object.beyond) {
+                (_, Some(beyond)) if beyond > 0.0 => format!("{} behind the real surface", metres(beyond)),
+                (Some(gap), _) if gap < 0.0 => format!("{} below the surface under it", metres(-gap)),
+                (Some(gap), _) => format!("{} over the surface below it", metres(gap)),
+                (None, _) => "over nothing that was seen".to_owned(),
+            };
+            let _ = writeln!(out, "object   {}: {size}, {stands}", object.name);
+        }
+        out
+    }
+}
+
+fn encoding(spec: &crate::panorama::source::PanoramaSpec) -> String {
+    match &spec.depth {
+        DepthSource::Sphere(radius) => format!("a sphere of {}", metres(*radius)),
+        DepthSource::Box { .. } => "a box".to_owned(),
+        DepthSource::Files(_) | DepthSource::Packed => {
+            let rule = &spec.rule;
+            let offset = if rule.offset == 0.0 { String::new() } else { format!(", offset {}", rule.offset) };
+            format!("{} (scale {}{offset})", format!("{:?}", rule.encoding).to_lowercase(), rule.scale)
+        }
+    }
+}
+
+fn color_facts(frame: &PanoramaFrame) -> ColorFacts {
+    let luminance = |texel: &[f32; 4]| Vec3::new(texel[0], texel[1], texel[2]).dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    // A hundred thousand texels tell the median.
+    let step = (frame.radiance.len() / 100_000).max(1);
+    let mut some: Vec<f32> = frame.radiance.iter().step_by(step).map(luminance).collect();
+    some.sort_by(f32::total_cmp);
+    let largest = frame.radiance.iter().flat_map(|texel| &texel[..3]).fold(0.0_f32, |a, b| a.max(*b));
+    let at_largest = frame.radiance.iter().filter(|texel| texel[..3].iter().any(|v| *v >= 0.999 * largest)).count();
+    let brightest = frame.radiance.iter().map(luminance).fold(0.0, f32::max);
+    ColorFacts {
+        size: frame.color_size,
+        taken: frame.taken[0].clone(),
+        radiance: [some[0], some[some.len() / 2], brightest],
+        clipped: at_largest as f32 / frame.radiance.len() as f32,
+    }
+}
+
+/// The diagonal of the box around what is seen, without the farthest 2 %, metres.
+fn extent(cloud: &Cloud) -> Option<f32> {
+    let far = cloud.percentile(0.98)?;
+    let points = (0..cloud.depth.len()).filter(|i| cloud.depth[*i] <= far).filter_map(|i| cloud.point(i));
+    let bounds = crate::scene::bounds::Bounds::of(points);
+    (!bounds.is_empty()).then(|| (bounds.max - bounds.min).length())
+}

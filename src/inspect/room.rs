@@ -1,0 +1,263 @@
+//! What a panorama's depth says about the room: floor, ceiling, and whether its numbers can be metres.
+
+use super::cloud::{Cloud, plane};
+use crate::panorama::{
+    depth::{DepthEncoding, Rule, length_words as metres, unit, unit_words},
+    mapping::texel_direction,
+    source::PanoramaFrame,
+};
+use glam::Vec3;
+use serde::Serialize;
+
+/// A large horizontal surface.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Level {
+    /// Metres under the capture point (floor) or over it (ceiling).
+    pub distance: f32,
+    /// Degrees from horizontal.
+    pub tilt: f32,
+    /// Unit normal, towards the capture point.
+    pub normal: [f32; 3],
+    /// The share of the sphere that it covers.
+    pub share: f32,
+}
+
+/// Finds the lowest large horizontal surface under the camera, or the highest over it.
+pub fn level(cloud: &Cloud, below: bool) -> Option<Level> {
+    let sign = if below { 1.0 } else { -1.0 };
+    let up = Vec3::Y * sign;
+    let side = |index: &usize| cloud.directions[*index].dot(up) < -0.1 && cloud.normals[*index] != Vec3::ZERO;
+    let mut cells: Vec<usize> =
+        (0..cloud.depth.len()).filter(|i| side(i) && cloud.normals[*i].dot(up) > 25_f32.to_radians().cos()).collect();
+    // The panorama itself may be tilted, so heights are along what most of these normals say.
+    let mean = |cells: &[usize]| {
+        cells.iter().map(|i| cloud.normals[*i] * cloud.weights[*i]).sum::<Vec3>().try_normalize().unwrap_or(up)
+    };
+    let mut along = mean(&cells);
+    for _ in 0..3 {
+        let near: Vec<usize> =
+            cells.iter().copied().filter(|i| cloud.normals[*i].dot(along) > 10_f32.to_radians().cos()).collect();
+        along = mean(&near);
+    }
+    cells.retain(|i| cloud.normals[*i].dot(along) > 12_f32.to_radians().cos());
+    let distance = |i: usize| -cloud.directions[i].dot(along) * cloud.depth[i];
+    // Bins of 4 %, each counted with its neighbours.
+    let bin = |i: usize| ((distance(i).max(1e-6).ln() / 0.04).floor()) as i64;
+    let mut bins = std::collections::BTreeMap::new();
+    for cell in &cells {
+        *bins.entry(bin(*cell)).or_insert(0.0_f32) += cloud.weights[*cell];
+    }
+    let smooth = |at: i64| (at - 1..=at + 1).filter_map(|k| bins.get(&k)).sum::<f32>();
+    let most = bins.keys().map(|at| smooth(*at)).fold(0.0, f32::max);
+    let total: f32 = cloud.weights.iter().sum();
+    if most < 0.005 * total {
+        return None;
+    }
+    // The lowest large one; then the best bin around it.
+    let far = bins.keys().rev().copied().find(|at| smooth(*at) >= 0.35 * most)?;
+    let peak = (far - 3..=far).max_by(|a, b| smooth(*a).total_cmp(&smooth(*b)))?;
+    let centre = (0.04 * (peak as f32 + 0.5)).exp();
+    let mut inliers: Vec<usize> = cells.iter().copied().filter(|i| (distance(*i) / centre).ln().abs() < 0.07).collect();
+    let mut fitted = along * (-1.0 / centre);
+    for tolerance in [0.08, 0.05, 0.04] {
+        let samples = inliers.iter().map(|i| (cloud.directions[*i], 1.0 / cloud.depth[*i], cloud.weights[*i]));
+        fitted = plane(samples)?;
+        inliers = cells
+            .iter()
+            .copied()
+            .filter(|i| (fitted.dot(cloud.directions[*i]) * cloud.depth[*i] - 1.0).abs() < tolerance)
+            .collect();
+    }
+    let (normal, straight) = (-fitted.normalize(), -fitted.dot(up));
+    let share = inliers.iter().map(|i| cloud.weights[*i]).sum::<f32>() / total;
+    let tilt = normal.dot(up).clamp(-1.0, 1.0).acos().to_degrees();
+    (straight > 0.0).then(|| Level { distance: 1.0 / straight, tilt, normal: normal.to_array(), share })
+}
+
+/// How well windows of the depth fit planes when its numbers are taken as something. 0 is perfect.
+fn bending(cloud: &Cloud, value: impl Fn(usize) -> f32, offset: bool) -> f32 {
+    let mut residuals = Vec::new();
+    let [width, height] = cloud.size;
+    for row in (height / 8..height - height / 8).step_by((height / 16).max(1)) {
+        for column in (0..width).step_by((width / 32).max(1)) {
+            let cells: Vec<usize> = cloud.window(row * width + column, (width / 40).max(2)).collect();
+            let depths = || cells.iter().map(|i| cloud.depth[*i]);
+            let (low, high) = depths().fold((f32::MAX, 0.0_f32), |(a, b), d| (a.min(d), b.max(d)));
+            // Edges are no planes, and hardly bent things tell nothing.
+            if low <= 0.0 || high > 1.6 * low || high < 1.02 * low {
+                continue;
+            }
+            let values: Vec<f32> = cells.iter().map(|i| value(*i)).collect();
+            let mean = values.iter().sum::<f32>() / values.len() as f32;
+            let around = |k: usize| if offset { values[k] - mean } else { values[k] };
+            let middle = cells.iter().map(|i| cloud.directions[*i]).sum::<Vec3>() / cells.len() as f32;
+            let direction =
+                |k: usize| if offset { cloud.directions[cells[k]] - middle } else { cloud.directions[cells[k]] };
+            let Some(m) = plane((0..cells.len()).map(|k| (direction(k), around(k), 1.0))) else { continue };
+            let spread: f32 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+            let left: f32 = (0..cells.len()).map(|k| (m.dot(direction(k)) - around(k)).powi(2)).sum();
+            if spread > 0.0 {
+                residuals.push((left / spread).sqrt());
+            }
+        }
+    }
+    if residuals.len() < 12 {
+        return f32::NAN;
+    }
+    residuals.sort_by(f32::total_cmp);
+    residuals[residuals.len() / 2]
+}
+
+/// Warns of depth that cannot be what it is said to be, with the line to write. `rule` is the scene's; `None`
+/// if the depth is analytic or made in memory.
+pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, subject: &str) -> Vec<String> {
+    let (Some(rule), Some(nearest), Some(median)) = (rule, cloud.percentile(0.01), cloud.percentile(0.5)) else {
+        return Vec::new();
+    };
+    let farthest = cloud.percentile(0.99).unwrap_or(median);
+    let mut warnings = Vec::new();
+    let mut warn = |text: String| warnings.push(format!("{subject}: {text}"));
+    let range = format!("its depth is from {} to {}", metres(nearest), metres(farthest));
+    let height = floor.map(|floor| floor.distance);
+    let other_unit = unit(nearest, height).filter(|_| rule.encoding != DepthEncoding::Disparity);
+    if let Some((factor, unit)) = other_unit {
+        warn(unit_words(nearest, farthest, unit, rule.scale * factor));
+    } else if rule.encoding == DepthEncoding::Disparity && rule.scale == 1.0 && median < 0.5 {
+        let scale = height.map_or(1.5 / f64::from(median), |height| 1.6 / f64::from(height));
+        let what = "a disparity without a scale has no metres";
+        warn(format!("{range}: {what}; write scale = {scale:.3} if the camera stands 1.6 m over the floor"));
+    } else if median < 0.25 || farthest < 0.6 {
+        let scale = height.map_or(2.0 / f64::from(median), |height| 1.6 / f64::from(height)) * rule.scale;
+        warn(format!(
+            "{range}: relative depth has no metres; write scale = {scale:.3} if the camera stands 1.6 m over the floor"
+        ));
+    }
+    if is_inverted(cloud) {
+        let now = if rule.encoding == DepthEncoding::Disparity { "radial" } else { "disparity" };
+        let what = "what lies straight down is farther than what lies ahead: near and far seem to be swapped";
+        warn(format!("{what}; write encoding = \"{now}\", with its scale"));
+    } else {
+        let axis = |i: usize| cloud.directions[i].abs().max_element();
+        let radial = bending(cloud, |i| 1.0 / cloud.depth[i].max(1e-6), false);
+        match rule.encoding {
+            DepthEncoding::Radial => {
+                let planar = bending(cloud, |i| axis(i) / cloud.depth[i].max(1e-6), false);
+                if radial > 0.04 && planar < 0.4 * radial {
+                    let what = "its walls are bent, and are flat if it holds distances along the axes of cube faces";
+                    warn(format!("{what}; write encoding = \"planar\""));
+                }
+            }
+            DepthEncoding::Planar => {
+                let unbent = bending(cloud, |i| 1.0 / (cloud.depth[i] * axis(i)).max(1e-6), false);
+                if radial > 0.04 && unbent < 0.4 * radial {
+                    let what = "its walls are bent, and are flat if it holds radial distances";
+                    warn(format!("{what}; write encoding = \"radial\""));
+                }
+            }
+            DepthEncoding::Disparity => {}
+        }
+    }
+    if let Some(floor) = floor.filter(|floor| floor.tilt > 2.0) {
+        let what = format!("its floor is tilted by {:.1}°", floor.tilt);
+        warn(format!("{what}: level the panorama, so that objects stand upright in it"));
+    }
+    warnings
+}
+
+/// Says whether what is straight down lies much farther than what lies ahead.
+fn is_inverted(cloud: &Cloud) -> bool {
+    let median = |range: [f32; 2]| {
+        let mut depths: Vec<f32> = (0..cloud.depth.len())
+            .filter(|i| cloud.depth[*i] > 0.0 && (range[0]..range[1]).contains(&cloud.directions[*i].y))
+            .map(|i| cloud.depth[i])
+            .collect();
+        depths.sort_by(f32::total_cmp);
+        (depths.len() > 20).then(|| depths[depths.len() / 2])
+    };
+    match (median([-1.0, -0.8]), median([-0.2, 0.2])) {
+        (Some(down), Some(ahead)) => down > 1.3 * ahead,
+        _ => false,
+    }
+}
+
+/// Where the edges of depth lie on those of colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// How many standard deviations the fit stands out: as it is, and best of all other places.
+    pub here: f32,
+    pub elsewhere: f32,
+    /// Where the best other place is: degrees to the right, and whether left and right are swapped.
+    pub degrees: f32,
+    pub mirrored: bool,
+}
+
+/// Compares the edges of depth with those of colour, turned by any angle and mirrored. `None` if the depth
+/// has too few.
+pub fn edges(frame: &PanoramaFrame, cloud: &Cloud) -> Option<Fit> {
+    let [width, height] = cloud.size;
+    let rows = height / 8..height - height / 8;
+    let luminance: Vec<f32> = (0..width * height)
+        .map(|i| {
+            let (column, row) = (i % width, i / width);
+            let direction = texel_direction(column as u32, row as u32, [width as u32, height as u32]).as_vec3();
+            let color = crate::panorama::mapping::bilinear(frame, direction);
+            (color.dot(Vec3::new(0.2126, 0.7152, 0.0722)) + 0.01).ln()
+        })
+        .collect();
+    let inverse: Vec<f32> = cloud.depth.iter().map(|d| if *d > 0.0 { d.ln() } else { f32::NAN }).collect();
+    let gradient = |values: &[f32], i: usize| {
+        let (column, row) = (i % width, i / width);
+        let across = values[row * width + (column + 1) % width] - values[row * width + (column + width - 1) % width];
+        let along = values[(row + 1).min(height - 1) * width + column] - values[row.saturating_sub(1) * width + column];
+        let size = across.hypot(along);
+        if size.is_finite() { size } else { 0.0 }
+    };
+    let colour: Vec<f32> = (0..width * height).map(|i| gradient(&luminance, i).min(1.0)).collect();
+    let depth: Vec<usize> =
+        rows.flat_map(|row| row * width..(row + 1) * width).filter(|i| gradient(&inverse, *i) > 0.15).collect();
+    if depth.len() < width * height / 400 || width < 32 {
+        return None;
+    }
+    let score = |shift: usize, mirrored: bool| {
+        let at = |i: &usize| {
+            let (column, row) = (i % width, i / width);
+            let column = if mirrored { width - 1 - column } else { column };
+            colour[row * width + (column + shift) % width]
+        };
+        depth.iter().map(at).sum::<f32>() / depth.len() as f32
+    };
+    let all: Vec<(f32, usize, bool)> = [false, true]
+        .into_iter()
+        .flat_map(|m| (0..width).map(move |s| (s, m)))
+        .map(|(s, m)| (score(s, m), s, m))
+        .collect();
+    let mean = all.iter().map(|(score, ..)| score).sum::<f32>() / all.len() as f32;
+    let deviation = (all.iter().map(|(s, ..)| (s - mean) * (s - mean)).sum::<f32>() / all.len() as f32).sqrt();
+    if deviation <= 0.0 {
+        return None;
+    }
+    let near = width / 60 + 1;
+    let is_here = |shift: usize, mirrored: bool| !mirrored && (shift <= near || shift >= width - near);
+    let best =
+        |here: bool| all.iter().filter(|(_, s, m)| is_here(*s, *m) == here).max_by(|a, b| a.0.total_cmp(&b.0)).copied();
+    let ((here, ..), (elsewhere, shift, mirrored)) = (best(true)?, best(false)?);
+    let turned = if shift > width / 2 { shift as f32 - width as f32 } else { shift as f32 };
+    Some(Fit {
+        here: (here - mean) / deviation,
+        elsewhere: (elsewhere - mean) / deviation,
+        degrees: turned * 360.0 / width as f32,
+        mirrored,
+    })
+}
+
+/// Warns of depth that belongs elsewhere in its colour.
+pub fn edge_warning(fit: Option<Fit>, subject: &str) -> Option<String> {
+    let fit = fit.filter(|fit| fit.here < 2.5 && fit.elsewhere > fit.here + 2.0 && fit.elsewhere > 4.0)?;
+    let how = match (fit.mirrored, fit.degrees) {
+        (true, _) => "mirrored left to right".to_owned(),
+        (false, degrees) => format!("turned by {degrees:.0}°"),
+    };
+    Some(format!(
+        "{subject}: the edges of the depth fit the colour only if one of them is {how}; mend the image that is wrong"
+    ))
+}
