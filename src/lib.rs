@@ -15,8 +15,10 @@
 //! * [`gpu`] knows Vulkan and nothing else. A [`gpu::Gpu`] makes buffers, images and passes. A [`gpu::Frame`]
 //!   records dispatches and barriers, and refuses to run if a barrier is missing. Submitting it gives a
 //!   [`gpu::Ticket`], and waiting for the ticket gives the time of each dispatch.
-//! * [`image_file`] reads PNG, JPEG, HDR and EXR. It writes PNG and EXR, and never leaves half a file.
-//! * [`panorama`] loads the video's frames as linear radiance and metres, and maps directions to texels.
+//! * [`image_file`] reads PNG, JPEG, WebP, TIFF, HDR and EXR, and hears what they say of layers, crops and
+//!   colours. It writes PNG and EXR, and never leaves half a file.
+//! * [`panorama`] loads the video's frames as linear radiance and metres, maps directions to texels, and
+//!   finds the floor.
 //! * [`scene`] reads scene files and glTF objects, and has built-in [`scene::rooms`]. A [`scene::Scene`]
 //!   gives the state of camera and objects at any time.
 //! * [`settings`]: every approximation is a named value. A [`settings::Method`] is a preset of them.
@@ -31,6 +33,7 @@
 //!   panoramas.
 //! * [`measure`]: pass times, errors against the truth, the [`measure::chart`] of speed against accuracy, and
 //!   the [`measure::choice`] of settings for a target. [`measure::clock`] takes all times.
+//! * [`inspect`] measures a scene, and tells what can hardly be right. [`warnings`] reach whoever acts, once.
 //! * [`stability`]: cases in which such methods fail, each with its truth.
 //! * `viewer`: the window. It needs the feature `viewer`, which is on by default.
 //! * [`cli`]: one file for each subcommand. `main.rs` only parses and prints.

@@ -1,11 +1,12 @@
 //! `iprt check SCENE` reads everything that a scene names. It reports every problem at once, what was
 //! measured, and what can hardly be right.
 
-use super::common::{DeviceArgs, open_scene};
+use super::common::{DeviceArgs, open_scene, scene_path};
 use crate::{
     Error, Result,
     image_file::write::write_bytes,
-    inspect::{Report, cloud::Cloud, sheet},
+    inspect::{Report, sheet},
+    panorama::cloud::Cloud,
     scene::{Scene, load::Examined, rooms},
     warnings,
 };
@@ -81,7 +82,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn examine(args: &Args) -> Result<Examined> {
     if rooms::by_name(&args.scene).is_none() {
-        return Ok(Scene::examine(Path::new(&args.scene)));
+        return Ok(Scene::examine(scene_path(&args.scene)?));
     }
     let gpu = args.device.open()?;
     let scene = open_scene(&gpu, Some(&args.scene), args.quiet)?;

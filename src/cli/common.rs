@@ -5,7 +5,7 @@ use crate::{
     gpu::{Gpu, GpuOptions},
     options::RenderOptions,
     reference::capture::{CaptureSettings, built_in_scene, cache_folder},
-    scene::{CompleteScene, Scene, rooms, viewpoint::Projection},
+    scene::{CompleteScene, Scene, fields::nearest, rooms, viewpoint::Projection},
     settings::{Method, Settings},
     warnings,
 };
@@ -143,9 +143,22 @@ pub fn open_scene(gpu: &Gpu, name: Option<&str>, quiet: bool) -> Result<Scene> {
     if let Some(room) = rooms::by_name(name) {
         return built_in_scene(gpu, &room, &CaptureSettings { progress: !quiet, ..CaptureSettings::default() });
     }
-    let scene = Scene::load(Path::new(name))?;
+    let scene = Scene::load(scene_path(name)?)?;
     warnings::tell(&scene.warnings);
     Ok(scene)
+}
+
+/// Returns the path of a scene file. A word that is no file is taken for a misspelt room.
+///
+/// # Errors
+/// Fails if it is no file, and has no extension as a file has.
+pub fn scene_path(name: &str) -> Result<&Path> {
+    let path = Path::new(name);
+    if path.extension().is_none() && path.components().count() == 1 && !path.exists() {
+        let problem = "there is no scene file and no built-in room of that name";
+        return Err(Error::input(name, problem, nearest(name, &rooms::NAMES)));
+    }
+    Ok(path)
 }
 
 /// The complete true scene of a built-in room or of a scene file.
@@ -159,7 +172,7 @@ pub fn complete(name: &str, without_objects: bool) -> Result<CompleteScene> {
             CompleteScene::assemble(room.name, room.model, room.camera, objects)
         }
         None => {
-            let scene = CompleteScene::load(Path::new(name), without_objects)?;
+            let scene = CompleteScene::load(scene_path(name)?, without_objects)?;
             warnings::tell(&scene.warnings);
             Ok(scene)
         }

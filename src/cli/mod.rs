@@ -10,6 +10,7 @@ pub mod compare;
 mod compare_sequence;
 pub mod devices;
 pub mod masks;
+pub mod new;
 pub mod plan;
 pub mod reference;
 pub mod render;
@@ -64,8 +65,10 @@ pub enum Command {
     Compare(compare::Args),
     /// Write which pixels show objects, and which they influence
     Masks(masks::Args),
-    /// Report every problem of a scene at once
+    /// Report every problem of a scene at once, what it measures, and what can hardly be right
     Check(check::Args),
+    /// Write a scene file for a panorama, its depth and models
+    New(new::Args),
     /// Run cases in which such methods fail, with a number, a limit and a picture for each case and method
     Stability(stability::Args),
     /// Open a window to see a scene, move in it and compare in it
@@ -104,6 +107,7 @@ impl Command {
             Self::Compare(args) => compare::run(&args),
             Self::Masks(args) => masks::run(&args),
             Self::Check(args) => check::run(&args),
+            Self::New(args) => new::run(&args),
             Self::Stability(args) => stability::run(&args),
             Self::View(args) => view::run(args),
             Self::Scene(command) => scene::run(&command),

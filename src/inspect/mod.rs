@@ -1,22 +1,20 @@
 //! What a scene measures: picture, depth, floor, light, objects and how they stand. `iprt check` prints it, as
 //! text, JSON or a sheet of pictures, with a warning for what can hardly be right and the line to write.
 
-pub mod cloud;
 pub mod object;
-pub mod room;
 pub mod sheet;
 
 use crate::{
     panorama::{
+        cloud::Cloud,
         depth::length_words as metres,
+        room::{self, Level},
         source::{DepthSource, PanoramaFrame},
     },
     scene::Scene,
 };
-use cloud::Cloud;
 use glam::Vec3;
 use object::ObjectFacts;
-use room::Level;
 use serde::Serialize;
 use std::fmt::Write as _;
 
@@ -71,15 +69,18 @@ impl Report {
         let measured = matches!(spec.map(|spec| &spec.depth), Some(DepthSource::Files(_) | DepthSource::Packed));
         let rule = spec.filter(|_| measured).map(|spec| &spec.rule);
         let mut warnings = room::depth_warnings(cloud, rule, floor, &subject);
+        warnings.extend(frame.warnings.iter().filter(|warning| warning.contains("it seems to be in")).cloned());
+        // Where distances mean something else, the room says nothing about its objects.
+        let sound = warnings.is_empty();
         if measured {
             warnings.extend(room::edge_warning(room::edges(frame, cloud), &subject));
         }
+        warnings.extend(room::tilt_warning(floor.filter(|_| sound), &subject));
         let objects: Vec<(usize, ObjectFacts)> = (0..scene.object_count())
             .filter_map(|index| Some((index, ObjectFacts::of(scene, index, cloud, floor, panorama.position)?)))
             .collect();
-        // In wrong units the room says nothing about its objects.
-        let diagonal = warnings.is_empty().then(|| extent(cloud)).flatten();
-        if warnings.is_empty() {
+        if sound {
+            let diagonal = extent(cloud);
             warnings.extend(objects.iter().flat_map(|(index, facts)| facts.warnings(scene, *index, diagonal)));
         }
         let percentiles = [0.01, 0.5, 0.99].map(|share| cloud.percentile(share));

@@ -1,8 +1,7 @@
 //! What objects measure, and how they stand in the room.
 
-use super::{cloud::Cloud, room::Level};
 use crate::{
-    panorama::depth::length_words as metres,
+    panorama::{cloud::Cloud, depth::length_words as metres, room::Level},
     scene::{
         Scene,
         bounds::Bounds,
@@ -109,10 +108,8 @@ fn surface_below(cloud: &Cloud, bounds: Bounds, position: Vec3) -> Option<f32> {
 }
 
 fn floor_below(floor: Option<Level>, center: Vec3, position: Vec3) -> Option<f32> {
-    let floor = floor?;
-    let (normal, at) = (Vec3::from(floor.normal), center - position);
-    // n·p = −n.y·distance at the foot of the camera, and everywhere on the plane.
-    (normal.y > 0.5).then(|| (-normal.y * floor.distance - normal.x * at.x - normal.z * at.z) / normal.y + position.y)
+    let at = center - position;
+    floor?.height(at.x, at.z).map(|height| height + position.y)
 }
 
 /// How far the box lies behind the real surfaces in its directions, metres: the least over its corners and

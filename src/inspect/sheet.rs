@@ -1,12 +1,12 @@
 //! A sheet of pictures by which a scene is judged at a glance: colour, depth, normals, and floor and objects
 //! from above.
 
-use super::{Report, cloud::Cloud};
+use super::Report;
 use crate::{
     Result,
     image_file::write::{display_code, write_png},
     measure::chart::{draw::escape, figure::pixels},
-    panorama::source::PanoramaFrame,
+    panorama::{cloud::Cloud, source::PanoramaFrame},
     scene::Scene,
 };
 use glam::Vec3;

@@ -1,7 +1,10 @@
 //! The 360° RGBD video. Files or memory become linear radiance and metres, on the equirectangular mapping.
+pub mod cloud;
 pub mod depth;
+pub mod guess;
 pub mod light;
 pub mod mapping;
 pub mod pattern;
+pub mod room;
 pub mod source;
 pub mod tone;

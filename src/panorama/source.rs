@@ -1,7 +1,7 @@
 //! Loads panorama frames from image files, from image sequences or from memory.
 
 use super::{
-    depth::{Quantisation, Rule, box_depth, unit_warning},
+    depth::{Quantisation, Rule, box_depth, length_words, unit_warning},
     pattern::Pattern,
     tone,
 };
@@ -307,6 +307,7 @@ fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>)
             taken[1] = codes.taken.as_ref().map(|taken| taken.note("depth"));
             tell(&codes.notes, codes.taken.as_ref(), "depth", &depth_subject, &mut warnings);
             check_aspect(codes.size, &depth_subject, &mut warnings);
+            warnings.extend(coarse(&codes, rule).map(|warning| format!("{depth_subject}: {warning}")));
             from_codes(codes)
         }
         (_, _, Some(codes)) => from_codes(codes),
@@ -332,6 +333,16 @@ fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>)
 fn tell(notes: &[String], taken: Option<&Taken>, key: &str, subject: &str, warnings: &mut Vec<String>) {
     let doubt = taken.filter(|taken| taken.unsure).map(|taken| taken.note(key));
     warnings.extend(notes.iter().chain(&doubt).map(|note| format!("{subject}: {note}")));
+}
+
+/// Warns of depth in 8 bits, which is usually a preview.
+fn coarse(codes: &CodeImage, rule: &Rule) -> Option<String> {
+    let bits8 = codes.integer && codes.codes.iter().all(|code| !(*code > 255.0));
+    let Quantisation::Radial { step } = rule.quantisation() else { return None };
+    (bits8 && step > 0.01).then(|| {
+        let step = length_words(step);
+        format!("has 8 bits, so that depth comes in steps of {step}; give the 16-bit or float output of what made it")
+    })
 }
 
 /// Makes texels of which nothing is known black, and holes in the depth. Returns how many there are.
@@ -399,6 +410,15 @@ fn finish_color(
         warnings.push(format!("{subject}: {problem}, the brightest finite value"));
     }
     Ok(color)
+}
+
+/// Returns the depth codes of an image that holds colour and depth, beside or over each other.
+///
+/// # Errors
+/// Fails if the image is too small, or if its depth has no codes.
+pub fn packed_codes(image: FileImage, beside: bool, subject: &str) -> Result<CodeImage> {
+    let packing = if beside { Packing::LeftRight } else { Packing::TopBottom };
+    Ok(unpack(image, packing, subject)?.1)
 }
 
 fn unpack(image: FileImage, packing: Packing, subject: &str) -> Result<(ColorImage, CodeImage)> {

@@ -6,6 +6,7 @@ use super::{
     fields::{FieldTable, Problems},
     file_panorama::read_panorama,
     material::MaterialOverride,
+    placing::{Place, read_place},
     shapes::Shape,
 };
 use crate::{Error, image_file::read, panorama::source::PanoramaSpec};
@@ -62,6 +63,10 @@ pub struct ObjectSpec {
     pub name: String,
     pub source: ObjectSource,
     pub placement: Placement,
+    /// Where it stands in the room, in place of a translation.
+    pub place: Option<Place>,
+    /// The largest side of a glTF model in metres, in place of its own.
+    pub side: Option<f32>,
     /// The glTF animation that is played: `None` plays the first one if there is any, `"none"` none.
     pub clip: Option<String>,
     /// A factor on the clip's time.
@@ -228,7 +233,7 @@ fn key_time(key: &FieldTable) -> Option<f64> {
 }
 
 const OBJECT_KEYS: &[&str] =
-    &["name", "gltf", "shape", "size", "translation", "rotation", "scale", "clip", "speed", "material", "key"];
+    &["name", "gltf", "shape", "size", "place", "translation", "rotation", "scale", "clip", "speed", "material", "key"];
 
 fn read_object(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<ObjectSpec> {
     let shape = fields.word("shape", &Shape::NAMES).map(|index| Shape::ALL[index]);
@@ -237,9 +242,23 @@ fn read_object(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<Object
         let problem = if fields.has("gltf") { "stands beside shape" } else { "and shape are both missing" };
         fields.complain("gltf", problem, "give one of gltf and shape");
     }
-    let size = fields.vector("size").map(vec3);
-    if fields.has("size") && fields.has("gltf") {
-        fields.complain("size", "only shapes have a size", "use scale for a glTF file");
+    let (size, side) = match (fields.value("size"), fields.has("gltf")) {
+        (None, _) => (None, None),
+        (Some(toml::Value::Array(_)), true) => {
+            fields.complain("size", "only shapes have three sides", "write size = 0.3, the largest side in metres");
+            (None, None)
+        }
+        (Some(toml::Value::Array(_)), false) => (fields.vector("size").map(vec3), None),
+        (Some(_), is_gltf) => {
+            let side = fields.number_in("size", "above 0 (metres)", |side| side > 0.0 && side < 1e6);
+            let side = side.map(|side| side as f32);
+            if is_gltf { (None, side) } else { (side.map(Vec3::splat), None) }
+        }
+    };
+    if side.is_some()
+        && fields.tables("key", &["time", "translation", "rotation", "scale"]).iter().any(|k| k.has("scale"))
+    {
+        fields.complain("size", "stands beside key frames of scale", "give one of the two");
     }
     if let (Some(size), Some(shape)) = (size, shape) {
         let used = if shape == Shape::Plane { Vec3::new(size.x, 1.0, size.z) } else { size };
@@ -254,7 +273,7 @@ fn read_object(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<Object
     }
     let known = ["base_color", "metallic", "roughness", "specular", "transmission", "ior", "emissive"];
     let material = fields.table("material", &known).map(|material| read_material(&material, warnings));
-    let placement = read_placement(fields);
+    let (placement, place) = (read_placement(fields), read_place(fields));
     let clip = fields.string("clip").map(str::to_owned);
     let speed = fields.number("speed").unwrap_or(1.0);
     let source = match (gltf, shape) {
@@ -269,7 +288,7 @@ fn read_object(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<Object
         ObjectSource::Shape(shape, _) => Shape::NAMES[*shape as usize].to_owned(),
     };
     let name = fields.string("name").map_or_else(default_name, str::to_owned);
-    Some(ObjectSpec { name, source, placement, clip, speed, material })
+    Some(ObjectSpec { name, source, placement, place, side, clip, speed, material })
 }
 
 fn read_material(fields: &FieldTable, warnings: &mut Vec<String>) -> MaterialOverride {

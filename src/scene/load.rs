@@ -7,6 +7,7 @@ use super::{
     gltf,
     material::Material,
     model::Model,
+    placing,
     plausible::swallowing,
     state::{Object, Scene},
 };
@@ -36,6 +37,7 @@ impl Scene {
             return Err(missing(path, "room.gltf", room));
         }
         let panorama = PanoramaSource::open(file.panorama.clone())?;
+        let objects = put_in_place(path, &file.objects, objects, &panorama)?;
         assemble(file, panorama, objects, loader.warnings)
     }
 
@@ -80,7 +82,11 @@ impl Scene {
                         Err(problem) => problems.push(problem),
                     }
                 }
-                match assemble(file, panorama, objects, loader.warnings) {
+                // Without some of the objects it is not known on what the others stand.
+                let whole_list = objects.len() == file.objects.len();
+                let placed =
+                    if whole_list { put_in_place(path, &file.objects, objects, &panorama) } else { Ok(objects) };
+                match placed.and_then(|objects| assemble(file, panorama, objects, loader.warnings)) {
                     Ok(scene) => {
                         warnings.extend(scene.warnings.iter().cloned());
                         whole = Some(scene);
@@ -135,7 +141,10 @@ impl CompleteScene {
             light.intensity *= file.panorama.exposure;
         }
         let specs = if without_objects { &[][..] } else { &file.objects };
-        let objects = specs.iter().map(|object| loader.object(object)).collect::<Result<Vec<_>>>()?;
+        let mut objects = specs.iter().map(|object| loader.object(object)).collect::<Result<Vec<_>>>()?;
+        if specs.iter().any(|spec| spec.place.is_some()) {
+            objects = put_in_place(path, specs, objects, &PanoramaSource::open(file.panorama.clone())?)?;
+        }
         let mut scene = Self::assemble(&file.name, Arc::new(room), file.camera, objects)?;
         scene.fps = file.panorama.fps;
         scene.exposure = file.render.exposure;
@@ -145,6 +154,25 @@ impl CompleteScene {
         scene.warnings = distinct(warnings);
         Ok(scene)
     }
+}
+
+/// Puts objects where their `place` says.
+fn put_in_place(
+    scene: &Path,
+    specs: &[ObjectSpec],
+    objects: Vec<Object>,
+    panorama: &PanoramaSource,
+) -> Result<Vec<Object>> {
+    let mut room = placing::Room::new(panorama);
+    let mut placed: Vec<Object> = Vec::with_capacity(objects.len());
+    for (spec, mut object) in specs.iter().zip(objects) {
+        if let Some(place) = &spec.place {
+            let subject = format!("{}: object {}: place", scene.display(), spec.name);
+            room.put(&mut object, place, &placed, &subject)?;
+        }
+        placed.push(object);
+    }
+    Ok(placed)
 }
 
 fn distinct(warnings: Vec<String>) -> Vec<String> {
@@ -228,7 +256,11 @@ impl<'a> Loader<'a> {
             })?),
         };
         let (name, placement) = (spec.name.clone(), spec.placement.clone());
-        Ok(Object { name, model, placement, clip, speed: spec.speed })
+        let mut object = Object { name, model, placement, clip, speed: spec.speed };
+        if let Some(side) = spec.side {
+            placing::fit(&mut object, side);
+        }
+        Ok(object)
     }
 
     fn gltf(&mut self, path: &Path) -> Result<Arc<Model>> {

@@ -17,6 +17,7 @@ pub mod mips;
 pub mod model;
 pub mod pack;
 pub mod packed;
+pub mod placing;
 pub mod plausible;
 pub mod punctual;
 pub mod rooms;

@@ -6,7 +6,10 @@ use glam::Vec3;
 
 /// Returns a factor that would make a size in wrong units fit, if there is one.
 pub fn unit_factor(largest: f32) -> Option<f32> {
-    [0.001, 0.01].into_iter().find(|factor| (0.02..8.0).contains(&(largest * factor))).filter(|_| largest > 8.0)
+    // Things are some decimetres large, and people draw more in centimetres than things of some centimetres.
+    let ranges = [(0.01, 0.1..3.0), (0.001, 0.02..8.0), (0.01, 0.02..8.0)];
+    let fits = ranges.into_iter().find(|(factor, range)| range.contains(&(largest * factor)));
+    fits.map(|(factor, _)| factor).filter(|_| largest > 8.0)
 }
 
 /// Warns of an object so large that it holds the capture point: nothing of the room would be seen.

@@ -117,7 +117,15 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
             }
         }
         if !unmoved {
-            replace(&mut table, &["translation", "rotation", "scale", "key"], placement_table(&object.placement))?;
+            replace(
+                &mut table,
+                &["translation", "rotation", "scale", "key", "place"],
+                placement_table(&object.placement),
+            )?;
+            // The scale holds it now.
+            if table.contains_key("gltf") {
+                table.remove("size");
+            }
         }
         objects.push(table);
     }

@@ -21,6 +21,7 @@ mod folder;
 mod gltf;
 mod gpu;
 mod identities;
+mod inspect;
 mod lighting;
 mod methods;
 mod mitsuba;

@@ -1,6 +1,6 @@
 //! The real surfaces of a panorama as a coarse grid of points, with the plane that each lies in.
 
-use crate::panorama::{
+use super::{
     mapping::{panorama_to_world, texel_direction},
     source::PanoramaFrame,
 };
@@ -101,7 +101,7 @@ impl Cloud {
     pub fn holes(&self) -> f32 {
         let total: f32 = self.weights.iter().sum();
         let holes: f32 = self.depth.iter().zip(&self.weights).filter(|(d, _)| **d <= 0.0).map(|(_, w)| w).sum();
-        holes / total
+        (holes / total).max(0.0)
     }
 }
 

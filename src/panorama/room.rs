@@ -1,9 +1,9 @@
 //! What a panorama's depth says about the room: floor, ceiling, and whether its numbers can be metres.
 
-use super::cloud::{Cloud, plane};
-use crate::panorama::{
+use super::{
+    cloud::{Cloud, plane},
     depth::{DepthEncoding, Rule, length_words as metres, unit, unit_words},
-    mapping::texel_direction,
+    mapping::{bilinear, texel_direction},
     source::PanoramaFrame,
 };
 use glam::Vec3;
@@ -20,6 +20,16 @@ pub struct Level {
     pub normal: [f32; 3],
     /// The share of the sphere that it covers.
     pub share: f32,
+}
+
+impl Level {
+    /// Returns the height of its plane at x and z, all relative to the capture point, metres. `None` if it is
+    /// no floor.
+    pub fn height(&self, x: f32, z: f32) -> Option<f32> {
+        let normal = Vec3::from(self.normal);
+        // n·p is the same everywhere on the plane, and −n.y·distance straight down.
+        (normal.y > 0.5).then(|| (-normal.y * self.distance - normal.x * x - normal.z * z) / normal.y)
+    }
 }
 
 /// Finds the lowest large horizontal surface under the camera, or the highest over it.
@@ -74,39 +84,38 @@ pub fn level(cloud: &Cloud, below: bool) -> Option<Level> {
     (straight > 0.0).then(|| Level { distance: 1.0 / straight, tilt, normal: normal.to_array(), share })
 }
 
-/// How well windows of the depth fit planes when its numbers are taken as something. 0 is perfect.
-fn bending(cloud: &Cloud, value: impl Fn(usize) -> f32, offset: bool) -> f32 {
-    let mut residuals = Vec::new();
+/// How far windows of the depth are from planes when `value` is taken for 1/metres: the median deviation, as a
+/// share of the value. NaN if there are too few windows.
+pub(super) fn bending(cloud: &Cloud, value: impl Fn(usize) -> f32) -> f32 {
+    let mut deviations = Vec::new();
     let [width, height] = cloud.size;
     for row in (height / 8..height - height / 8).step_by((height / 16).max(1)) {
         for column in (0..width).step_by((width / 32).max(1)) {
-            let cells: Vec<usize> = cloud.window(row * width + column, (width / 40).max(2)).collect();
+            let cells: Vec<usize> = cloud.window(row * width + column, (width / 20).max(2)).collect();
             let depths = || cells.iter().map(|i| cloud.depth[*i]);
             let (low, high) = depths().fold((f32::MAX, 0.0_f32), |(a, b), d| (a.min(d), b.max(d)));
-            // Edges are no planes, and hardly bent things tell nothing.
-            if low <= 0.0 || high > 1.6 * low || high < 1.02 * low {
+            // Edges are no planes.
+            if low <= 0.0 || high > 1.6 * low {
                 continue;
             }
             let values: Vec<f32> = cells.iter().map(|i| value(*i)).collect();
             let mean = values.iter().sum::<f32>() / values.len() as f32;
-            let around = |k: usize| if offset { values[k] - mean } else { values[k] };
-            let middle = cells.iter().map(|i| cloud.directions[*i]).sum::<Vec3>() / cells.len() as f32;
-            let direction =
-                |k: usize| if offset { cloud.directions[cells[k]] - middle } else { cloud.directions[cells[k]] };
-            let Some(m) = plane((0..cells.len()).map(|k| (direction(k), around(k), 1.0))) else { continue };
-            let spread: f32 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
-            let left: f32 = (0..cells.len()).map(|k| (m.dot(direction(k)) - around(k)).powi(2)).sum();
-            if spread > 0.0 {
-                residuals.push((left / spread).sqrt());
-            }
+            let samples = cells.iter().zip(&values).map(|(cell, value)| (cloud.directions[*cell], *value, 1.0));
+            let Some(m) = plane(samples) else { continue };
+            let left: f32 =
+                cells.iter().zip(&values).map(|(cell, value)| (m.dot(cloud.directions[*cell]) - value).powi(2)).sum();
+            deviations.push((left / values.len() as f32).sqrt() / mean);
         }
     }
-    if residuals.len() < 12 {
+    if deviations.len() < 12 {
         return f32::NAN;
     }
-    residuals.sort_by(f32::total_cmp);
-    residuals[residuals.len() / 2]
+    deviations.sort_by(f32::total_cmp);
+    deviations[deviations.len() / 2]
 }
+
+/// Depth that is this far from planes is bent. A wall taken for a piece of a sphere is 0.01 to 0.03 off.
+pub(super) const BENT: f32 = 0.008;
 
 /// Warns of depth that cannot be what it is said to be, with the line to write. `rule` is the scene's; `None`
 /// if the depth is analytic or made in memory.
@@ -119,7 +128,9 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
     let mut warn = |text: String| warnings.push(format!("{subject}: {text}"));
     let range = format!("its depth is from {} to {}", metres(nearest), metres(farthest));
     let height = floor.map(|floor| floor.distance);
-    let other_unit = unit(nearest, height).filter(|_| rule.encoding != DepthEncoding::Disparity);
+    // Without a floor it is told when the frame is loaded.
+    let told = unit(nearest, None).is_some();
+    let other_unit = unit(nearest, height).filter(|_| rule.encoding != DepthEncoding::Disparity && !told);
     if let Some((factor, unit)) = other_unit {
         warn(unit_words(nearest, farthest, unit, rule.scale * factor));
     } else if rule.encoding == DepthEncoding::Disparity && rule.scale == 1.0 && median < 0.5 {
@@ -138,18 +149,18 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
         warn(format!("{what}; write encoding = \"{now}\", with its scale"));
     } else {
         let axis = |i: usize| cloud.directions[i].abs().max_element();
-        let radial = bending(cloud, |i| 1.0 / cloud.depth[i].max(1e-6), false);
+        let radial = bending(cloud, |i| 1.0 / cloud.depth[i].max(1e-6));
         match rule.encoding {
             DepthEncoding::Radial => {
-                let planar = bending(cloud, |i| axis(i) / cloud.depth[i].max(1e-6), false);
-                if radial > 0.04 && planar < 0.4 * radial {
+                let planar = bending(cloud, |i| axis(i) / cloud.depth[i].max(1e-6));
+                if radial > BENT && planar < 0.4 * radial {
                     let what = "its walls are bent, and are flat if it holds distances along the axes of cube faces";
                     warn(format!("{what}; write encoding = \"planar\""));
                 }
             }
             DepthEncoding::Planar => {
-                let unbent = bending(cloud, |i| 1.0 / (cloud.depth[i] * axis(i)).max(1e-6), false);
-                if radial > 0.04 && unbent < 0.4 * radial {
+                let unbent = bending(cloud, |i| 1.0 / (cloud.depth[i] * axis(i)).max(1e-6));
+                if radial > BENT && unbent < 0.4 * radial {
                     let what = "its walls are bent, and are flat if it holds radial distances";
                     warn(format!("{what}; write encoding = \"radial\""));
                 }
@@ -157,15 +168,18 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
             DepthEncoding::Disparity => {}
         }
     }
-    if let Some(floor) = floor.filter(|floor| floor.tilt > 2.0) {
-        let what = format!("its floor is tilted by {:.1}°", floor.tilt);
-        warn(format!("{what}: level the panorama, so that objects stand upright in it"));
-    }
     warnings
 }
 
+/// Warns of a floor that is not level.
+pub fn tilt_warning(floor: Option<Level>, subject: &str) -> Option<String> {
+    let floor = floor.filter(|floor| floor.tilt > 2.0)?;
+    let what = format!("its floor is tilted by {:.1}°", floor.tilt);
+    Some(format!("{subject}: {what}: level the panorama, so that objects stand upright in it"))
+}
+
 /// Says whether what is straight down lies much farther than what lies ahead.
-fn is_inverted(cloud: &Cloud) -> bool {
+pub(super) fn is_inverted(cloud: &Cloud) -> bool {
     let median = |range: [f32; 2]| {
         let mut depths: Vec<f32> = (0..cloud.depth.len())
             .filter(|i| cloud.depth[*i] > 0.0 && (range[0]..range[1]).contains(&cloud.directions[*i].y))
@@ -200,7 +214,7 @@ pub fn edges(frame: &PanoramaFrame, cloud: &Cloud) -> Option<Fit> {
         .map(|i| {
             let (column, row) = (i % width, i / width);
             let direction = texel_direction(column as u32, row as u32, [width as u32, height as u32]).as_vec3();
-            let color = crate::panorama::mapping::bilinear(frame, direction);
+            let color = bilinear(frame, direction);
             (color.dot(Vec3::new(0.2126, 0.7152, 0.0722)) + 0.01).ln()
         })
         .collect();

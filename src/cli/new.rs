@@ -1,0 +1,244 @@
+//! `iprt new` writes a scene file for a panorama, its depth and models, and says what it assumed.
+
+use crate::{
+    Error, Result,
+    image_file::{read::read, write::write_bytes},
+    inspect::Report,
+    panorama::{
+        cloud::Cloud,
+        depth::{DepthEncoding, box_depth},
+        guess::{self, Guess},
+        pattern::Pattern,
+        room::level,
+        source::PanoramaFrame,
+    },
+    scene::{
+        Object, Scene,
+        animation::{Placement, Transform},
+        gltf,
+        placing::model_bounds,
+    },
+    warnings,
+};
+use glam::{Affine3A, Vec3};
+use std::{
+    fmt::Write as _,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+/// Arguments of `iprt new`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// The panorama: an image or a %04d pattern
+    pub panorama: PathBuf,
+    /// Its depth, if the panorama does not hold it, and glTF models to put into it
+    pub files: Vec<PathBuf>,
+    /// The scene file to write
+    #[arg(short, long, value_name = "FILE", default_value = "scene.toml")]
+    pub output: PathBuf,
+    /// The camera's height over the floor in metres, which gives relative depth its scale
+    #[arg(long, value_name = "METRES", default_value_t = 1.6)]
+    pub height: f64,
+    /// Replace a scene file that is there
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Where the depth comes from.
+enum Depth {
+    File(PathBuf, Guess),
+    Packed(&'static str, Guess),
+    Box,
+}
+
+/// Looks at the files, and writes the scene.
+pub fn run(args: &Args) -> Result<()> {
+    if !(args.height.is_finite() && args.height > 0.0) {
+        return Err(Error::input("--height", args.height, "give metres above 0"));
+    }
+    if args.output.exists() && !args.force {
+        return Err(Error::input(args.output.display(), "is there already", "give another name with -o, or --force"));
+    }
+    super::render::require_folder(&args.output)?;
+    let is_model = |path: &&PathBuf| {
+        path.extension().is_some_and(|e| ["glb", "gltf"].contains(&e.to_string_lossy().to_lowercase().as_str()))
+    };
+    let models: Vec<&PathBuf> = args.files.iter().filter(is_model).collect();
+    let depths: Vec<&PathBuf> = args.files.iter().filter(|path| !is_model(path)).collect();
+    let depth = match depths.as_slice() {
+        [] => own_depth(args)?,
+        [depth] => {
+            let subject = depth.display().to_string();
+            let codes = read(&first(depth)?)?.into_codes(&subject)?;
+            Depth::File((*depth).clone(), guess::rule(&codes, args.height))
+        }
+        [_, other, ..] => {
+            return Err(Error::input(
+                other.display(),
+                "is a second image of depth",
+                "give one, and models as .glb or .gltf",
+            ));
+        }
+    };
+    let text = scene_text(args, &depth, &models)?;
+    write_bytes(&args.output, text.as_bytes())?;
+
+    let mut examined = Scene::examine(&args.output);
+    let mut found = std::mem::take(&mut examined.warnings);
+    if let (Some(scene), Some(frame)) = (&examined.scene, &examined.first) {
+        let report = Report::of(scene, frame, &Cloud::of(frame, scene.panorama.yaw_degrees));
+        found.extend(report.warnings.iter().filter(|warning| !found.contains(warning)).cloned().collect::<Vec<_>>());
+        super::print(report.text().trim_end())?;
+    }
+    warnings::tell(&found);
+    if let Some(problem) = examined.problems.pop() {
+        return Err(problem);
+    }
+    let name = args.output.display();
+    super::print(&format!("{name}: written; what was assumed stands in it. Next: iprt render {name} -o picture.png"))
+}
+
+/// The first file of a pattern, or the file itself.
+fn first(path: &Path) -> Result<PathBuf> {
+    let pattern = Pattern::parse(path)?;
+    if !pattern.is_sequence() {
+        return Ok(path.to_owned());
+    }
+    let numbers = pattern.existing()?;
+    let Some(number) = numbers.first() else {
+        return Err(Error::input(path.display(), "no file fits this pattern", "check the pattern"));
+    };
+    Ok(pattern.file(*number))
+}
+
+/// Depth that the panorama's own file holds: as a channel, or as its second half.
+fn own_depth(args: &Args) -> Result<Depth> {
+    let subject = args.panorama.display().to_string();
+    let image = read(&first(&args.panorama)?)?;
+    let [width, height] = match &image {
+        crate::image_file::FileImage::Raster(raster) => raster.size,
+        crate::image_file::FileImage::Exr(exr) => {
+            let other = exr.layers.iter().map(|layer| layer.channels.len()).sum::<usize>() > 4;
+            if let (true, Ok(codes)) = (other, image.clone().into_codes(&subject)) {
+                return Ok(Depth::File(args.panorama.clone(), guess::rule(&codes, args.height)));
+            }
+            image.clone().into_color(&subject)?.size
+        }
+    };
+    let packing = match [width, height] {
+        [w, h] if w == h => "top-bottom",
+        [w, h] if w == 4 * h => "left-right",
+        _ => return Ok(Depth::Box),
+    };
+    let codes = crate::panorama::source::packed_codes(image, packing == "left-right", &subject)?;
+    Ok(Depth::Packed(packing, guess::rule(&codes, args.height)))
+}
+
+fn scene_text(args: &Args, depth: &Depth, models: &[&PathBuf]) -> Result<String> {
+    let folder = args.output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let quoted = |path: &Path| {
+        let near = pathdiff::diff_paths(absolute(path), absolute(folder)).unwrap_or_else(|| absolute(path));
+        toml::Value::from(near.to_string_lossy().replace('$', "$$")).to_string()
+    };
+    let cloud = match depth {
+        Depth::File(path, guess) => {
+            let codes = read(&first(path)?)?.into_codes(&path.display().to_string())?;
+            let depth = guess.rule.metres(&codes.codes, codes.size);
+            Some(Cloud::of(&PanoramaFrame { depth_size: codes.size, depth, ..Default::default() }, 0.0))
+        }
+        Depth::Packed(packing, guess) => {
+            let image = read(&first(&args.panorama)?)?;
+            let codes = crate::panorama::source::packed_codes(image, *packing == "left-right", "depth")?;
+            let depth = guess.rule.metres(&codes.codes, codes.size);
+            Some(Cloud::of(&PanoramaFrame { depth_size: codes.size, depth, ..Default::default() }, 0.0))
+        }
+        Depth::Box => {
+            let (depth_size, center) = ([256, 128], Vec3::new(0.0, 1.35 - args.height as f32, 0.0));
+            let depth = box_depth(depth_size, Vec3::new(6.0, 2.7, 6.0), center, 0.0);
+            Some(Cloud::of(&PanoramaFrame { depth_size, depth, ..Default::default() }, 0.0))
+        }
+    };
+    let floor = cloud.as_ref().and_then(|cloud| level(cloud, true));
+    let height = floor.map_or(args.height as f32, |floor| floor.distance);
+    let spot = cloud.as_ref().map_or(Vec3::new(0.0, 0.0, -1.6), |cloud| free_spot(cloud, height));
+
+    let mut out = String::from("# Written by iprt new. Every key is in docs/scene.md.\n\n[panorama]\n");
+    let _ = writeln!(out, "color = {}", quoted(&args.panorama));
+    match depth {
+        Depth::File(path, _) => {
+            let _ = writeln!(out, "depth = {}", quoted(path));
+        }
+        Depth::Packed(packing, _) => {
+            let _ =
+                writeln!(out, "packing = \"{packing}\"  # assumed by the picture's shape: colour first, depth second");
+        }
+        Depth::Box => {
+            let _ = writeln!(
+                out,
+                "# No depth was given: the room is taken for a box. Correct its size, or name a depth map."
+            );
+            let _ = writeln!(out, "depth = {{ box = [6, 2.7, 6], center = [0, 1.35, 0] }}");
+        }
+    }
+    if let Depth::File(_, guess) | Depth::Packed(_, guess) = depth {
+        let _ = writeln!(out, "# Assumed: {}.", guess.because);
+        let word = match guess.rule.encoding {
+            DepthEncoding::Radial => "radial",
+            DepthEncoding::Disparity => "disparity",
+            DepthEncoding::Planar => "planar",
+        };
+        let _ = writeln!(out, "encoding = \"{word}\"\nscale = {}", guess.rule.scale);
+        if guess.rule.offset != 0.0 {
+            let _ = writeln!(out, "offset = {}  # walls are flattest so", guess.rule.offset);
+        }
+    }
+    let found = if floor.is_some() { "the floor that was found is" } else { "no floor was found; it is taken for" };
+    let _ = writeln!(out, "position = [0, {height:.3}, 0]  # {found} y = 0");
+    let [x, _, z] = spot.to_array();
+    let _ = writeln!(out, "\n[camera]  # at the capture point\nlook_at = [{x:.2}, 0.2, {z:.2}]\nfov_y = 60");
+    if models.is_empty() {
+        let _ = writeln!(out, "\n# Something to begin with.\n[[object]]\nshape = \"sphere\"\nsize = 0.3");
+        let _ = writeln!(out, "place = {{ floor = [{x:.2}, {z:.2}] }}");
+    }
+    let right = Vec3::new(-spot.z, 0.0, spot.x).normalize_or_zero();
+    for (index, path) in models.iter().enumerate() {
+        let at = spot + right * 0.7 * (index as f32 - 0.5 * (models.len() - 1) as f32);
+        let (model, _) = gltf::load(path)?;
+        let clip = (!model.rig.clips.is_empty()).then_some(0);
+        let placement = Placement::fixed(Transform::IDENTITY);
+        let object = Object { name: String::new(), model: Arc::new(model), placement, clip, speed: 1.0 };
+        let bounds = model_bounds(&object, &Affine3A::IDENTITY);
+        let largest = (bounds.max - bounds.min).max_element();
+        let _ = writeln!(out, "\n[[object]]\ngltf = {}", quoted(path));
+        if floor.is_some() {
+            let _ = writeln!(out, "place = {{ floor = [{:.2}, {:.2}], facing = \"camera\" }}", at.x, at.z);
+        } else {
+            let down = if bounds.is_empty() { 0.0 } else { -bounds.min.y };
+            let _ = writeln!(out, "translation = [{:.2}, {down:.3}, {:.2}]", at.x, at.z);
+        }
+        if !(0.03..3.0).contains(&largest) {
+            let _ =
+                writeln!(out, "size = 0.4  # metres, its largest side. Its own {largest:.3} m can hardly be meant.");
+        }
+    }
+    Ok(out)
+}
+
+/// A place on the floor where nothing stands: as straight ahead as can be, within a few steps.
+fn free_spot(cloud: &Cloud, height: f32) -> Vec3 {
+    let points: Vec<Vec3> = (0..cloud.depth.len()).filter_map(|index| cloud.point(index)).collect();
+    let is_free = |at: Vec3| {
+        let near = || points.iter().filter(|p| (p.x - at.x).hypot(p.z - at.z) < 0.4);
+        let floor = near().filter(|p| (p.y + height).abs() < 0.1).count();
+        let things = near().filter(|p| p.y + height > 0.12 && p.y < 0.0).count();
+        floor >= 6 && things * 20 <= floor
+    };
+    let turns = (0..=9).flat_map(|k| [20.0 * k as f32, -20.0 * k as f32]);
+    let spots = turns.flat_map(|degrees| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        [1.6, 1.3, 2.0, 1.0, 2.6].map(|distance| Vec3::new(sin, 0.0, -cos) * distance)
+    });
+    spots.clone().find(|at| is_free(*at)).unwrap_or(Vec3::new(0.0, 0.0, -1.6))
+}

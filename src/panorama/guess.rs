@@ -1,0 +1,98 @@
+//! Guesses what stored depth means, for files that come without a word about it.
+
+use super::{
+    cloud::Cloud,
+    depth::{DepthEncoding, Rule, unit},
+    room::{BENT, bending, is_inverted, level},
+    source::PanoramaFrame,
+};
+use crate::image_file::CodeImage;
+
+/// A rule, and in words what was assumed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guess {
+    pub rule: Rule,
+    pub because: String,
+}
+
+fn cloud(codes: &CodeImage, rule: &Rule) -> Cloud {
+    let depth = rule.metres(&codes.codes, codes.size);
+    let frame = PanoramaFrame { depth_size: codes.size, depth, ..PanoramaFrame::default() };
+    Cloud::of(&frame, 0.0)
+}
+
+/// Guesses the rule of an image of depth. `height` is that of the camera over the floor in metres, which gives
+/// relative depth its scale.
+pub fn rule(codes: &CodeImage, height: f64) -> Guess {
+    let radial = Rule { encoding: DepthEncoding::Radial, scale: 1.0, offset: 0.0, invalid: vec![0.0] };
+    let seen = cloud(codes, &radial);
+    if is_inverted(&seen) {
+        return disparity(codes, radial, height);
+    }
+    let (nearest, middle) = (seen.percentile(0.01).unwrap_or(1.0), seen.percentile(0.5).unwrap_or(1.0));
+    let floor = level(&seen, true).map(|floor| floor.distance);
+    let (scale, because) = match (unit(nearest, floor), floor) {
+        (Some((factor, unit)), _) => (factor, format!("the depth seems to be in {unit}")),
+        (None, Some(floor)) if floor >= 0.3 => {
+            (1.0, format!("the depth seems to be in metres: the floor is {floor:.2} m under the camera"))
+        }
+        (None, Some(floor)) => {
+            let because = format!("the depth is relative: scaled so that the camera stands {height} m over the floor");
+            (height / f64::from(floor), because)
+        }
+        (None, None) if middle < 0.5 => {
+            let because = "the depth is relative and no floor was found: scaled so that half of all is within 2.5 m";
+            (2.5 / f64::from(middle), because.to_owned())
+        }
+        (None, None) => (1.0, "the depth is taken for metres".to_owned()),
+    };
+    // Significant digits only: the guess is no better.
+    let scale = if scale == factor_of_ten(scale) { scale } else { rounded(scale) };
+    let axis = |i: usize| seen.directions[i].abs().max_element();
+    let bent = bending(&seen, |i| 1.0 / seen.depth[i].max(1e-6));
+    let flat = bending(&seen, |i| axis(i) / seen.depth[i].max(1e-6));
+    let encoding = if bent > BENT && flat < 0.4 * bent { DepthEncoding::Planar } else { DepthEncoding::Radial };
+    Guess { rule: Rule { encoding, scale, ..radial }, because }
+}
+
+fn disparity(codes: &CodeImage, radial: Rule, height: f64) -> Guess {
+    let mut known: Vec<f32> = codes.codes.iter().copied().filter(|code| *code > 0.0).step_by(7).collect();
+    known.sort_by(f32::total_cmp);
+    let at = |share: usize| known.get(known.len() * share / 100).copied().map_or(1.0, f64::from);
+    let (low, span) = (at(2), at(98) - at(2));
+    // Estimators leave the offset open. Walls are flat at the right one.
+    let offsets = [-0.9, -0.7, -0.4].map(|part| part * low).into_iter();
+    let offsets = offsets.chain([0.0, 0.03, 0.08, 0.2, 0.5].map(|part| part * span));
+    let bent = |offset: f64| {
+        let rule = Rule { encoding: DepthEncoding::Disparity, scale: span.max(1e-6), offset, ..radial.clone() };
+        let seen = cloud(codes, &rule);
+        let bent = bending(&seen, |i| 1.0 / seen.depth[i].max(1e-6));
+        if bent.is_finite() { bent } else { 1.0 }
+    };
+    let plain = bent(0.0);
+    let best = offsets.map(|offset| (bent(offset), offset)).min_by(|a, b| a.0.total_cmp(&b.0));
+    let offset = best.filter(|(bent, _)| *bent < 0.8 * plain).map_or(0.0, |(_, offset)| rounded(offset));
+    let rule = Rule { encoding: DepthEncoding::Disparity, scale: span.max(1e-6), offset, ..radial };
+    let seen = cloud(codes, &rule);
+    let (factor, because) = match level(&seen, true) {
+        Some(floor) => (height / f64::from(floor.distance), format!("the camera stands {height} m over the floor")),
+        None => {
+            let middle = seen.percentile(0.5).map_or(1.0, f64::from);
+            (2.5 / middle, "half of all is within 2.5 m, as no floor was found".to_owned())
+        }
+    };
+    let scale = rounded(rule.scale * factor);
+    Guess {
+        rule: Rule { scale, ..rule },
+        because: format!("bright is near, so it is a disparity: scaled so that {because}"),
+    }
+}
+
+fn factor_of_ten(value: f64) -> f64 {
+    10_f64.powi(value.log10().round() as i32)
+}
+
+/// Three significant digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}

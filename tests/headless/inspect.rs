@@ -1,0 +1,252 @@
+//! What `iprt check` measures, on rooms whose size is known, and what it warns of.
+
+use crate::{
+    common::{enters, leaves},
+    folder::Folder,
+};
+use glam::{Quat, Vec3, vec3};
+use iprt::{
+    image_file::{ExrLayer, write::write_exr},
+    panorama::mapping::texel_direction,
+};
+
+const SIZE: [u32; 2] = [256, 128];
+
+fn directions() -> impl Iterator<Item = Vec3> {
+    (0..SIZE[0] * SIZE[1]).map(|i| texel_direction(i % SIZE[0], i / SIZE[0], SIZE).as_vec3())
+}
+
+/// A room of 4 × 2.6 × 5 m, seen 1.5 m over its floor, with two cupboards.
+fn distance(d: Vec3) -> f32 {
+    let walls = leaves(d, vec3(-2.0, -1.5, -2.5), vec3(2.0, 1.1, 2.5));
+    let cupboards = [(vec3(-1.9, -1.5, -2.4), vec3(-0.9, 0.3, -1.8)), (vec3(1.2, -1.5, 0.4), vec3(1.9, -0.4, 2.2))];
+    cupboards.into_iter().filter_map(|(low, high)| enters(d, low, high)).fold(walls, f32::min)
+}
+
+/// Each surface has a colour of its own.
+fn paint(d: Vec3) -> Vec3 {
+    let p = d * distance(d);
+    let near = |value: f32, wall: f32| (value - wall).abs() < 1e-3;
+    match p {
+        p if near(p.y, -1.5) => vec3(0.3, 0.2, 0.1),
+        p if near(p.y, 1.1) => Vec3::splat(0.9),
+        p if near(p.x.abs(), 2.0) => vec3(0.6, 0.6, 0.5),
+        p if near(p.z.abs(), 2.5) => vec3(0.4, 0.5, 0.6),
+        _ => vec3(0.05, 0.02, 0.02),
+    }
+}
+
+/// A folder with the room's colour and depth, both of which may be changed.
+fn folder(depth: impl Fn(Vec3) -> f32, color: impl Fn(Vec3) -> Vec3, scene: &str) -> Folder {
+    let folder = Folder::empty();
+    let texels: Vec<[f32; 4]> = directions().map(|d| color(d).extend(1.0).to_array()).collect();
+    write_exr(&folder.path("color.exr"), &[ExrLayer::rgb("", SIZE, &texels)]).expect("written");
+    let channels = vec![("Y".to_owned(), directions().map(depth).collect())];
+    write_exr(&folder.path("depth.exr"), &[ExrLayer { name: String::new(), size: SIZE, channels }]).expect("written");
+    folder.write(
+        "scene.toml",
+        &format!("[panorama]\ncolor = 'color.exr'\ndepth = 'depth.exr'\nposition = [0, 1.5, 0]\n{scene}"),
+    );
+    folder
+}
+
+fn measured(folder: &Folder) -> serde_json::Value {
+    serde_json::from_str(&folder.succeeds("check scene.toml --json -q")).expect("JSON")
+}
+
+fn warnings(folder: &Folder) -> Vec<String> {
+    let report = measured(folder);
+    let warnings = report["warnings"].as_array().expect("a list");
+    warnings.iter().map(|warning| warning.as_str().expect("text").to_owned()).collect()
+}
+
+/// Demands one warning, with these words.
+fn warns(folder: &Folder, words: &[&str]) {
+    let found = warnings(folder);
+    let fits = |warning: &String| words.iter().all(|word| warning.contains(word));
+    assert!(found.len() == 1 && fits(&found[0]), "{words:?}: {found:#?}");
+}
+
+const CUBE: &str = "[[object]]\nname = 'cube'\nshape = 'box'\nsize = [0.4, 0.4, 0.4]\n";
+
+#[test]
+fn a_sound_room_is_measured_and_not_warned_of() {
+    let folder = folder(distance, paint, &format!("{CUBE}translation = [0.3, 0.2, -1.2]\n"));
+    let report = measured(&folder);
+    let near = |value: &serde_json::Value, right: f64, tolerance: f64| {
+        let value = value.as_f64().unwrap_or_else(|| panic!("{report:#}"));
+        assert!((value - right).abs() < tolerance, "{value}, not {right}: {report:#}");
+    };
+    near(&report["floor"]["distance"], 1.5, 0.01);
+    near(&report["floor"]["tilt"], 0.0, 0.2);
+    near(&report["ceiling"]["distance"], 1.1, 0.01);
+    near(&report["depth"]["holes"], 0.0, 1e-6);
+    near(&report["color"]["radiance"][2], 0.9, 1e-3);
+    near(&report["objects"][0]["size"][1], 0.4, 1e-3);
+    near(&report["objects"][0]["gap"], 0.0, 0.02);
+    assert_eq!(report["warnings"], serde_json::json!([]), "{report:#}");
+
+    let printed = folder.succeeds("check scene.toml -o sheet.png --json=report.json --strict");
+    assert!(printed.contains("no problems, 0 warnings"), "{printed}");
+    let text = folder.succeeds("check scene.toml");
+    assert!(text.contains("floor    1.50 m under the camera, tilted by 0."), "{text}");
+    let sheet = image::open(folder.path("sheet.png")).expect("a PNG").into_rgb8();
+    assert!(sheet.width() > 1000 && sheet.height() > 500);
+    assert!(sheet.pixels().any(|p| p.0 == [215, 30, 30]), "the cube from above");
+    assert!(folder.path("report.json").exists());
+}
+
+#[test]
+fn units_are_recognised() {
+    warns(&folder(|d| 1000.0 * distance(d), paint, ""), &["millimetres", "scale = 0.001"]);
+    warns(&folder(|d| 100.0 * distance(d), paint, ""), &["centimetres", "scale = 0.01"]);
+    warns(&folder(|d| 0.1 * distance(d), paint, ""), &["relative", "scale = 10.6"]);
+    let disparity = |d| 200.0 / distance(d);
+    warns(&folder(disparity, paint, "encoding = 'disparity'\n"), &["disparity without a scale", "scale = 213"]);
+    assert!(warnings(&folder(disparity, paint, "encoding = 'disparity'\nscale = 200\n")).is_empty());
+}
+
+#[test]
+fn depth_of_another_meaning_is_recognised() {
+    warns(&folder(|d| 4.0 / distance(d), paint, ""), &["near and far", "encoding = \"disparity\""]);
+    warns(&folder(|d| distance(d) * d.abs().max_element(), paint, ""), &["bent", "encoding = \"planar\""]);
+    warns(&folder(distance, paint, "encoding = 'planar'\n"), &["bent", "encoding = \"radial\""]);
+}
+
+#[test]
+fn pictures_that_do_not_fit_are_recognised() {
+    let mirrored = |d: Vec3| paint(d * vec3(-1.0, 1.0, 1.0));
+    warns(&folder(distance, mirrored, ""), &["mirrored"]);
+    let turned = |d: Vec3| paint(Quat::from_rotation_y(1.0) * d);
+    warns(&folder(distance, turned, ""), &["turned by"]);
+    let lean = Quat::from_rotation_z(0.1);
+    warns(&folder(|d| distance(lean * d), |d| paint(lean * d), ""), &["tilted by 5."]);
+}
+
+#[test]
+fn objects_that_stand_wrong_are_told_how_to_stand() {
+    let placed = |object: &str| folder(distance, paint, &format!("{CUBE}{object}\n"));
+    warns(&placed("translation = [0.3, 0.5, -1.2]"), &["cube", "hangs 0.3", "translation = [0.300, 0.2"]);
+    warns(&placed("translation = [0.3, 0.05, -1.2]"), &["cube", "sunk by 0.1", "translation = [0.300, 0.2"]);
+    warns(&placed("translation = [0.3, 0.2, -4.2]"), &["cube", "outside"]);
+    warns(&placed("translation = [0.3, 0.2, -1.2]\nscale = 1000"), &["cube", "capture point", "scale = 0.001"]);
+    warns(&placed("translation = [0, 0, -30]\nscale = 100"), &["cube", "larger than the room", "scale = 0.01"]);
+    // On a cupboard, and moving through the air.
+    assert!(warnings(&placed("translation = [1.5, 1.3, 1.2]")).is_empty());
+    let key = "key = [{ time = 0, translation = [0, 1, -1] }, { time = 1, translation = [0, 2, -1] }]";
+    assert!(warnings(&placed(key)).is_empty());
+}
+
+#[test]
+fn strict_makes_warnings_errors() {
+    let folder = folder(|d| 1000.0 * distance(d), paint, "");
+    for command in ["check scene.toml --strict", "render scene.toml -o a.png --size 8x6 --warmup 0 --strict"] {
+        let output = folder.run(command);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{command}: {stderr}");
+        assert!(stderr.contains("warning: depth.exr: its depth is from") && stderr.contains("--strict"), "{stderr}");
+        assert_eq!(stderr.matches("millimetres").count(), 1, "each once: {stderr}");
+    }
+    assert!(!folder.path("a.png").exists(), "refused before it is rendered");
+    let quiet = folder.run("render scene.toml -o a.png --size 8x6 --warmup 0 -q");
+    assert!(quiet.status.success() && quiet.stderr.is_empty());
+}
+
+#[test]
+fn output_that_nobody_reads_is_no_panic() {
+    use std::{fs::File, process::Stdio};
+    let folder = folder(|d| 1000.0 * distance(d), paint, "");
+    let full = || Stdio::from(File::options().write(true).open("/dev/full").expect("there"));
+    let closed = || {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        Stdio::from(writer)
+    };
+    let run = |arguments: &str, stdout: Stdio, stderr: Stdio| {
+        let mut command = folder.command();
+        command.args(arguments.split_whitespace()).stdout(stdout).stderr(stderr);
+        command.spawn().expect("starts").wait_with_output().expect("ends")
+    };
+    let render = "render scene.toml -o p_###.png --frames 0..1 --size 8x6 --warmup 0";
+    for command in ["check scene.toml", render] {
+        let output = run(command, closed(), Stdio::piped());
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(0) && !text.contains("panicked"), "{command}: {text}");
+        assert_eq!(run(command, Stdio::null(), closed()).status.code(), Some(0), "{command}");
+        let output = run(command, full(), Stdio::piped());
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && text.contains("standard output"), "{command}: {text}");
+        assert_eq!(run(command, Stdio::null(), full()).status.code(), Some(2), "{command}");
+    }
+    assert!(folder.path("p_000.png").exists() && folder.path("p_001.png").exists());
+}
+
+fn cube_model(folder: &Folder, side: f32) {
+    let mesh = iprt::scene::shapes::Shape::Box.mesh(Vec3::splat(side));
+    let model = iprt::scene::model::Model::from_mesh(mesh, crate::common::lambert(0.5));
+    std::fs::write(folder.path("cube.glb"), iprt::scene::gltf::export::to_glb(&model).expect("writes"))
+        .expect("written");
+}
+
+#[test]
+fn objects_are_placed_by_the_room() {
+    let gltf = "[[object]]\nname = 'cube'\ngltf = 'cube.glb'\n";
+    let placed = |place: &str| {
+        let folder = folder(distance, paint, &format!("{gltf}{place}\n"));
+        cube_model(&folder, 2.0);
+        folder
+    };
+    let bounds = |folder: &Folder, index: usize| {
+        iprt::scene::Scene::load(&folder.path("scene.toml")).expect("loads").object_bounds(index, 0.0)
+    };
+    let on_floor = bounds(&placed("size = 0.3\nplace = { floor = [0.4, -1] }"), 0);
+    assert!(on_floor.center().abs_diff_eq(vec3(0.4, 0.15, -1.0), 0.01), "{on_floor:?}");
+    assert!((on_floor.max - on_floor.min).abs_diff_eq(Vec3::splat(0.3), 1e-3));
+    // The column and row of the cupboard's top.
+    let to_top = vec3(1.5, 1.1 - 1.5, 1.0);
+    let pixel = iprt::panorama::mapping::coordinates(to_top.as_dvec3()) * glam::dvec2(256.0, 128.0);
+    let on_top = bounds(&placed(&format!("scale = 0.1\nplace = {{ pixel = [{}, {}] }}", pixel.x, pixel.y)), 0);
+    assert!((on_top.min.y - 1.1).abs() < 0.01 && (on_top.center().x - 1.5).abs() < 0.05, "{on_top:?}");
+    let ball = "[[object]]\nshape = 'sphere'\nsize = 0.2\nplace = { on = 'cube' }";
+    let stacked = bounds(&placed(&format!("size = 0.3\nplace = {{ floor = [0, -1], facing = 45 }}\n{ball}")), 1);
+    assert!(stacked.center().abs_diff_eq(vec3(0.0, 0.4, -1.0), 0.01), "{stacked:?}");
+
+    for (place, words) in [
+        ("place = { floor = [0, 0] }\ntranslation = [0, 0, 0]", "stands beside place"),
+        ("place = { floor = [0, 0], on = 'x' }", "needs one of floor, pixel and on"),
+        ("place = { on = 'table' }", "no object above it"),
+        ("place = { pixel = [999, 0] }", "outside the picture"),
+        ("size = [1, 1, 1]\nplace = { floor = [0, 0] }", "the largest side"),
+    ] {
+        placed(place).fails("check scene.toml", &[words]);
+    }
+}
+
+#[test]
+fn a_new_scene_is_right_at_the_first_try() {
+    let place = |name: &str, factor: f32, power: i32| {
+        let folder = folder(|d| factor * distance(d).powi(power), paint, "");
+        cube_model(&folder, 300.0);
+        let printed = folder.succeeds(&format!("new color.exr depth.exr cube.glb -o {name}.toml"));
+        assert!(printed.contains("written"), "{printed}");
+        let text = std::fs::read_to_string(folder.path(&format!("{name}.toml"))).expect("written");
+        let report: serde_json::Value =
+            serde_json::from_str(&folder.succeeds(&format!("check {name}.toml --json --strict"))).expect("JSON");
+        let object = &report["objects"][0];
+        assert!(object["gap"].as_f64().expect("over the floor").abs() < 0.03, "{text}{report:#}");
+        assert!((object["size"][0].as_f64().expect("a size") - 0.4).abs() < 0.2, "{text}");
+        text
+    };
+    assert!(place("metres", 1.0, 1).contains("position = [0, 1.500, 0]"));
+    assert!(place("millimetres", 1000.0, 1).contains("scale = 0.001"));
+    let text = place("relative", 0.05, 1);
+    assert!(text.contains("scale = 21.3") && text.contains("position = [0, 1.6"), "{text}");
+    let text = place("disparity", 3.0, -1);
+    assert!(text.contains("encoding = \"disparity\"") && text.contains("position = [0, 1.6"), "{text}");
+
+    let folder = folder(distance, paint, "");
+    folder.succeeds("new color.exr -o box.toml");
+    folder.fails("new color.exr -o box.toml", &["box.toml", "--force"]);
+    folder.fails("new color.exr depth.exr color.exr -o two.toml", &["second image of depth"]);
+    folder.fails("check apartmnt", &["did you mean `apartment`?"]);
+}
