@@ -15,6 +15,7 @@ pub mod plan;
 pub mod reference;
 pub mod render;
 pub mod scene;
+pub mod shell;
 pub mod stability;
 pub mod target;
 #[cfg(feature = "viewer")]
@@ -73,6 +74,10 @@ pub enum Command {
     Stability(stability::Args),
     /// Open a window to see a scene, move in it and compare in it
     View(view::Args),
+    /// Print a script that completes commands and flags in a shell
+    Completions(shell::CompletionsArgs),
+    /// Write manual pages
+    Man(shell::ManArgs),
     /// Write built-in rooms as files
     #[command(subcommand)]
     Scene(scene::SceneCommand),
@@ -110,6 +115,8 @@ impl Command {
             Self::New(args) => new::run(&args),
             Self::Stability(args) => stability::run(&args),
             Self::View(args) => view::run(args),
+            Self::Completions(args) => shell::completions(&args),
+            Self::Man(args) => shell::man(&args),
             Self::Scene(command) => scene::run(&command),
         }
     }

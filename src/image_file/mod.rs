@@ -1,6 +1,7 @@
-//! Image files. PNG, JPEG, WebP, TIFF, Radiance HDR and OpenEXR are read; PNG and OpenEXR are written.
+//! Image files. PNG, JPEG, WebP, TIFF, Radiance HDR, OpenEXR, NPY, NPZ, PFM and DPT are read; PNG and OpenEXR are written.
 //!
 //! Files are told apart by their first bytes, not by their names.
+mod arrays;
 pub mod checked;
 pub mod color_space;
 pub mod exr_file;

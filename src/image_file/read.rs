@@ -1,6 +1,7 @@
 //! Decodes image files, and picks the channels that hold colour or depth.
 
 use super::{
+    arrays,
     color_space::ColorSpace,
     exr_file::{self, Exr},
     layers::Taken,
@@ -122,6 +123,9 @@ pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     }
     if radiance::is_radiance(bytes) {
         return radiance::decode(bytes, subject).map(FileImage::Raster);
+    }
+    if let Some(array) = arrays::decode(bytes, subject) {
+        return array.map(FileImage::Raster);
     }
     let known = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff];
     match image::guess_format(bytes) {

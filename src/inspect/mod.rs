@@ -75,7 +75,9 @@ impl Report {
         if measured {
             warnings.extend(room::edge_warning(room::edges(frame, cloud), &subject));
         }
-        warnings.extend(room::tilt_warning(floor.filter(|_| sound), &subject));
+        if let Some(spec) = spec.filter(|_| measured && sound) {
+            warnings.extend(room::tilt_warning(floor, spec, &subject));
+        }
         let objects: Vec<(usize, ObjectFacts)> = (0..scene.object_count())
             .filter_map(|index| Some((index, ObjectFacts::of(scene, index, cloud, floor, panorama.position)?)))
             .collect();

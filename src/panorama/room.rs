@@ -3,10 +3,11 @@
 use super::{
     cloud::{Cloud, plane},
     depth::{DepthEncoding, Rule, length_words as metres, unit, unit_words},
+    level::{rotation, upright},
     mapping::{bilinear, texel_direction},
-    source::PanoramaFrame,
+    source::{PanoramaFrame, PanoramaSpec},
 };
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use serde::Serialize;
 
 /// A large horizontal surface.
@@ -172,10 +173,14 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
 }
 
 /// Warns of a floor that is not level.
-pub fn tilt_warning(floor: Option<Level>, subject: &str) -> Option<String> {
+///
+/// `spec` says how the panorama is turned now.
+pub fn tilt_warning(floor: Option<Level>, spec: &PanoramaSpec, subject: &str) -> Option<String> {
     let floor = floor.filter(|floor| floor.tilt > 2.0)?;
+    let now = Quat::from_rotation_y(spec.yaw_degrees.to_radians()) * rotation(spec.pitch_degrees, spec.roll_degrees);
+    let [pitch, roll] = upright(now.inverse() * Vec3::from(floor.normal));
     let what = format!("its floor is tilted by {:.1}°", floor.tilt);
-    Some(format!("{subject}: {what}: level the panorama, so that objects stand upright in it"))
+    Some(format!("{subject}: {what}; to level it, write pitch = {pitch:.1} and roll = {roll:.1} in [panorama]"))
 }
 
 /// Says whether what is straight down lies much farther than what lies ahead.

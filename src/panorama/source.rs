@@ -2,12 +2,13 @@
 
 use super::{
     depth::{Quantisation, Rule, box_depth, length_words, unit_warning},
+    level::Levelling,
     pattern::Pattern,
     tone,
 };
 use crate::{
     Error, Result,
-    image_file::{CodeImage, ColorImage, FileImage, Raster, Samples, layers::Taken, read},
+    image_file::{CodeImage, ColorImage, FileImage, Raster, Samples, layers::Taken, read, srgb::srgb_to_linear},
 };
 use glam::Vec3;
 use std::{
@@ -71,6 +72,12 @@ pub struct PanoramaSpec {
     /// The layer of an EXR that holds the colour; by default the one whose name means colour.
     pub color_layer: Option<String>,
     pub depth: DepthSource,
+    /// An image that is dark where nothing is known; a path or a pattern.
+    pub mask: Option<PathBuf>,
+    /// Degrees by which the picture is turned before its yaw, so that its floor is level: about +X, after
+    /// that about +Z.
+    pub pitch_degrees: f32,
+    pub roll_degrees: f32,
     /// The layer or channel of an EXR that holds the depth; by default the one whose name means depth.
     pub depth_layer: Option<String>,
     pub packing: Packing,
@@ -232,7 +239,7 @@ impl PanoramaSource {
             FrameSource::Files { spec, color, depth, numbers } => {
                 let number = numbers[index];
                 let depth = depth.as_ref().map(|depth| depth.file(number));
-                let frame = load_frame(spec, &color.file(number), depth.as_deref())?;
+                let frame = load_frame(spec, number, &color.file(number), depth.as_deref())?;
                 crate::warnings::tell(&frame.warnings);
                 Ok(frame)
             }
@@ -274,7 +281,7 @@ fn over_gaps(numbers: &[u32], pattern: &Pattern, warnings: &mut Vec<String>) -> 
 /// A sequence with more missing frames than this for each that is there is numbered by something else.
 const MAX_HELD: usize = 100;
 
-fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>) -> Result<PanoramaFrame> {
+fn load_frame(spec: &PanoramaSpec, number: u32, color_path: &Path, depth_path: Option<&Path>) -> Result<PanoramaFrame> {
     let subject = color_path.display().to_string();
     let mut warnings = Vec::new();
     let image = read::read(color_path)?;
@@ -293,6 +300,14 @@ fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>)
         let quantisation = if codes.integer { rule.quantisation() } else { Quantisation::None };
         (codes.size, rule.metres(&codes.codes, codes.size), quantisation)
     };
+    if let Some(mask) = &spec.mask {
+        let mask = Pattern::parse(mask)?.file(number);
+        forget_masked(&mut color, &read::read(&mask)?.into_color(&mask.display().to_string())?);
+    }
+    let level = Levelling::of(spec);
+    if let Some(level) = &level {
+        color.texels = level.radiance(color.size, &color.texels);
+    }
     let size = color.size;
     let mut depth_subject = subject.clone();
     let (depth_size, mut depth, quantisation) = match (&spec.depth, depth_path, packed) {
@@ -313,6 +328,9 @@ fn load_frame(spec: &PanoramaSpec, color_path: &Path, depth_path: Option<&Path>)
         (_, _, Some(codes)) => from_codes(codes),
         _ => return Err(Error::Internal("a panorama without a depth source".into())),
     };
+    if let (Some(level), DepthSource::Files(_) | DepthSource::Packed) = (&level, &spec.depth) {
+        depth = level.depth(depth_size, &depth);
+    }
     let unknown = forget_unknown(&mut color, depth_size, &mut depth);
     if unknown > 0 {
         let share = 100.0 * unknown as f64 / color.texels.len() as f64;
@@ -343,6 +361,19 @@ fn coarse(codes: &CodeImage, rule: &Rule) -> Option<String> {
         let step = length_words(step);
         format!("has 8 bits, so that depth comes in steps of {step}; give the 16-bit or float output of what made it")
     })
+}
+
+/// Marks texels as unknown where a mask is dark.
+fn forget_masked(color: &mut ColorImage, mask: &ColorImage) {
+    let [width, height] = color.size.map(|side| side as usize);
+    let place = |at: usize, from: usize, to: u32| (2 * at + 1) * to as usize / (2 * from);
+    for (index, texel) in color.texels.iter_mut().enumerate() {
+        let (x, y) = (place(index % width, width, mask.size[0]), place(index / width, height, mask.size[1]));
+        let [r, g, b, known] = mask.texels[y * mask.size[0] as usize + x];
+        if known == 0.0 || r + g + b < 1.5 * srgb_to_linear(0.5) {
+            texel[3] = 0.0;
+        }
+    }
 }
 
 /// Makes texels of which nothing is known black, and holes in the depth. Returns how many there are.

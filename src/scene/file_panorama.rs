@@ -25,6 +25,9 @@ pub(super) const KEYS: &[&str] = &[
     "invalid",
     "position",
     "yaw",
+    "pitch",
+    "roll",
+    "mask",
     "exposure",
     "inverse_tonemap",
 ];
@@ -69,12 +72,16 @@ pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> 
         offset: fields.number("offset").unwrap_or(0.0),
         invalid: fields.numbers("invalid").unwrap_or_else(|| vec![0.0]),
     };
+    let angle = |key: &str| fields.number_in(key, "from -180 to 180", |v| v.abs() <= 180.0).unwrap_or(0.0) as f32;
     let inverse_tonemap = fields.number_in("inverse_tonemap", "from 1 to 1e6", |v| (1.0..=1e6).contains(&v));
     Some(PanoramaSpec {
         color: color?,
         color_layer,
         depth: depth?,
         depth_layer,
+        mask: fields.file_path("mask"),
+        pitch_degrees: angle("pitch"),
+        roll_degrees: angle("roll"),
         packing,
         frames,
         fps: positive("fps").unwrap_or(30.0),

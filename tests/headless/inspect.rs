@@ -119,8 +119,14 @@ fn pictures_that_do_not_fit_are_recognised() {
     warns(&folder(distance, mirrored, ""), &["mirrored"]);
     let turned = |d: Vec3| paint(Quat::from_rotation_y(1.0) * d);
     warns(&folder(distance, turned, ""), &["turned by"]);
+    // Directions of the file are turned to those of the room.
     let lean = Quat::from_rotation_z(0.1);
-    warns(&folder(|d| distance(lean * d), |d| paint(lean * d), ""), &["tilted by 5."]);
+    let tilted = |keys: &str| folder(|d| distance(lean * d), |d| paint(lean * d), keys);
+    warns(&tilted(""), &["tilted by 5.7", "pitch = 0.0 and roll = 5.7"]);
+    warns(&tilted("yaw = 40\n"), &["tilted by 5.7", "pitch = 0.0 and roll = 5.7"]);
+    let level = measured(&tilted("roll = 5.73\n"));
+    assert!(level["floor"]["tilt"].as_f64().expect("a floor") < 0.4, "{level:#}");
+    assert!((level["floor"]["distance"].as_f64().expect("a floor") - 1.5).abs() < 0.02, "{level:#}");
 }
 
 #[test]
@@ -249,4 +255,47 @@ fn a_new_scene_is_right_at_the_first_try() {
     folder.fails("new color.exr -o box.toml", &["box.toml", "--force"]);
     folder.fails("new color.exr depth.exr color.exr -o two.toml", &["second image of depth"]);
     folder.fails("check apartmnt", &["did you mean `apartment`?"]);
+}
+
+/// The commands of the README's "Your own panorama", but the window's.
+#[test]
+fn the_readmes_first_steps_work() {
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).expect("there");
+    let section = readme.split("## Your own panorama").nth(1).expect("a section");
+    let block = section.split("```sh\n").nth(1).and_then(|rest| rest.split("```").next()).expect("commands");
+    let folder = folder(distance, paint, "");
+    cube_model(&folder, 0.4);
+    std::fs::rename(folder.path("cube.glb"), folder.path("teapot.glb")).expect("renamed");
+    let picture = image::RgbImage::from_fn(SIZE[0], SIZE[1], |x, y| {
+        let color = paint(texel_direction(x, y, SIZE).as_vec3());
+        image::Rgb(color.to_array().map(iprt::image_file::write::display_code))
+    });
+    picture.save(folder.path("room.png")).expect("written");
+    let millimetres = image::ImageBuffer::from_fn(SIZE[0], SIZE[1], |x, y| {
+        image::Luma([(1000.0 * distance(texel_direction(x, y, SIZE).as_vec3())) as u16])
+    });
+    millimetres.save(folder.path("depth.png")).expect("written");
+    let mut ran = 0;
+    for line in block.lines() {
+        let command = line.split('#').next().unwrap_or_default().trim().trim_start_matches("iprt ");
+        if command.starts_with("view") {
+            continue;
+        }
+        let small = if command.starts_with("render") { " --size 96x54 --warmup 3" } else { "" };
+        folder.succeeds(&format!("{command}{small}"));
+        ran += 1;
+    }
+    assert_eq!(ran, 3, "{block}");
+    assert!(folder.path("picture.png").exists() && folder.path("sheet.png").exists());
+}
+
+#[test]
+fn what_is_masked_is_not_known() {
+    let folder = folder(distance, paint, "mask = 'mask.png'\n");
+    let mask = image::GrayImage::from_fn(8, 4, |_, y| image::Luma([if y == 3 { 0 } else { 255 }]));
+    mask.save(folder.path("mask.png")).expect("written");
+    let report = measured(&folder);
+    let holes = report["depth"]["holes"].as_f64().expect("a share");
+    assert!((holes - 0.146).abs() < 0.01, "a quarter of the rows at the bottom: {holes}");
+    assert!(report["warnings"][0].as_str().expect("text").contains("25.0 % of its texels"), "{report:#}");
 }

@@ -1,0 +1,35 @@
+//! `iprt completions` and `iprt man`: what shells and manual readers want of the command line.
+
+use super::Cli;
+use crate::{Error, Result, image_file::write::make_folder};
+use clap::CommandFactory as _;
+use std::path::PathBuf;
+
+/// Arguments of `iprt completions`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct CompletionsArgs {
+    /// The shell
+    pub shell: clap_complete::Shell,
+}
+
+/// Arguments of `iprt man`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ManArgs {
+    /// The folder; it is made if it does not exist
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+}
+
+/// Prints a script that completes commands and flags.
+pub fn completions(args: &CompletionsArgs) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut Cli::command(), "iprt", &mut script);
+    super::print(String::from_utf8_lossy(&script).trim_end())
+}
+
+/// Writes a manual page for each command.
+pub fn man(args: &ManArgs) -> Result<()> {
+    make_folder(&args.output)?;
+    clap_mangen::generate_to(Cli::command(), &args.output)
+        .map_err(|error| Error::input(args.output.display(), error, "give a folder that can be written"))
+}

@@ -1,0 +1,247 @@
+//! Arrays of numbers that estimators and data sets write as depth: NumPy's NPY and NPZ, PFM, and Sintel's DPT.
+
+use super::{
+    color_space::ColorSpace,
+    read::{Raster, Samples, check_size, one_line},
+};
+use crate::{Error, Result};
+use half::f16;
+use std::io::{Cursor, Read as _};
+
+/// Decodes such a file; `None` if it is none.
+pub(super) fn decode(bytes: &[u8], subject: &str) -> Option<Result<Raster>> {
+    let damaged = |problem: String| Error::input(subject, format!("cannot be decoded: {problem}"), "write it again");
+    let array = match bytes {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => npy(bytes),
+        [b'P', b'K', 3, 4, ..] => npz(bytes),
+        [b'P', b'f' | b'F', b'\n' | b'\r' | b' ', ..] => pfm(bytes),
+        [b'P', b'I', b'E', b'H', ..] => dpt(bytes),
+        _ => return None,
+    };
+    Some(array.map_err(damaged).and_then(|array| {
+        check_size(array.size, subject)?;
+        Ok(Raster {
+            size: array.size,
+            channels: array.channels,
+            samples: array.samples,
+            lossy: false,
+            color: ColorSpace::LINEAR,
+            notes: array.note.into_iter().collect(),
+        })
+    }))
+}
+
+struct Array {
+    size: [u32; 2],
+    channels: usize,
+    samples: Samples,
+    note: Option<String>,
+}
+
+type Decoded = std::result::Result<Array, String>;
+
+/// Gives an array of this shape its size. Axes of length 1 in front are passed over: batches of one.
+fn shaped(shape: &[usize], samples: Samples) -> Decoded {
+    let ones = shape.iter().take_while(|side| **side == 1).count().min(shape.len().saturating_sub(2));
+    let (height, width, channels) = match shape[ones..] {
+        [height, width] => (height, width, 1),
+        [height, width, channels @ (1 | 3 | 4)] => (height, width, channels),
+        _ => return Err(format!("its shape is {shape:?}, not height × width")),
+    };
+    let side = |side: usize| u32::try_from(side).map_err(|_| format!("its shape is {shape:?}"));
+    Ok(Array { size: [side(width)?, side(height)?], channels, samples, note: None })
+}
+
+/// Numbers of a type as NumPy names it, like `<f4`.
+fn numbers(bytes: &[u8], kind: &str, count: usize) -> std::result::Result<Samples, String> {
+    let (order, kind) = kind.split_at(kind.len().min(1));
+    let size: usize = kind.get(1..).and_then(|size| size.parse().ok()).unwrap_or(0);
+    let total = count.checked_mul(size).filter(|total| *total <= bytes.len() && size > 0);
+    let Some(total) = total else {
+        return Err(format!("it has {} bytes for {count} numbers of type {kind}", bytes.len()));
+    };
+    let big = order == ">";
+    let word = |chunk: &[u8]| {
+        let mut word = [0; 8];
+        word[..size].copy_from_slice(chunk);
+        if big {
+            word[..size].reverse();
+        }
+        word
+    };
+    let chunks = bytes[..total].chunks_exact(size).map(|chunk| if size <= 8 { word(chunk) } else { [0; 8] });
+    let low = |word: [u8; 8]| u64::from_le_bytes(word);
+    Ok(match kind {
+        "f2" => Samples::F32(chunks.map(|w| f16::from_bits(low(w) as u16).to_f32()).collect()),
+        "f4" => Samples::F32(chunks.map(|w| f32::from_bits(low(w) as u32)).collect()),
+        "f8" => Samples::F32(chunks.map(|w| f64::from_bits(low(w)) as f32).collect()),
+        "u1" | "b1" => Samples::U8(chunks.map(|w| w[0]).collect()),
+        "u2" => Samples::U16(chunks.map(|w| low(w) as u16).collect()),
+        "u4" | "u8" => Samples::F32(chunks.map(|w| low(w) as f32).collect()),
+        "i2" => Samples::F32(chunks.map(|w| f32::from(low(w) as i16)).collect()),
+        "i4" => Samples::F32(chunks.map(|w| low(w) as i32 as f32).collect()),
+        "i8" => Samples::F32(chunks.map(|w| low(w) as i64 as f32).collect()),
+        _ => return Err(format!("its numbers are of type {kind}")),
+    })
+}
+
+/// NumPy's format, version 1 to 3: a header that is a Python dictionary, and the numbers.
+fn npy(bytes: &[u8]) -> Decoded {
+    let short = || "its header ends early".to_owned();
+    let length = |range: std::ops::Range<usize>| {
+        bytes.get(range).map(|b| b.iter().rev().fold(0_usize, |value, byte| (value << 8) | usize::from(*byte)))
+    };
+    let (start, length) = match bytes.get(6) {
+        Some(1) => (10, length(8..10)),
+        Some(2 | 3) => (12, length(8..12)),
+        _ => return Err("its version is not known".into()),
+    };
+    let end = length.and_then(|length| length.checked_add(start)).ok_or_else(short)?;
+    let header = String::from_utf8_lossy(bytes.get(start..end).ok_or_else(short)?);
+    let value = |key: &str| {
+        let rest = header.split_once(&format!("'{key}'"))?.1.trim_start();
+        Some(rest.strip_prefix(':')?.trim_start())
+    };
+    let kind = value("descr").and_then(|text| text.strip_prefix('\'')?.split('\'').next()).ok_or_else(short)?;
+    if value("fortran_order").is_some_and(|text| text.starts_with("True")) {
+        return Err("its numbers are in Fortran order: save numpy.ascontiguousarray of it".into());
+    }
+    let shape = value("shape").and_then(|text| text.strip_prefix('(')?.split(')').next()).ok_or_else(short)?;
+    let shape: Vec<usize> = shape.split(',').filter_map(|side| side.trim().parse().ok()).collect();
+    let count = shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
+    let count = count.ok_or_else(|| format!("its shape is {shape:?}"))?;
+    shaped(&shape, numbers(&bytes[end..], kind, count)?)
+}
+
+/// Of several arrays the one whose name means depth, or the only one that is an image.
+fn npz(bytes: &[u8]) -> Decoded {
+    let words = |error: zip::result::ZipError| one_line(&error);
+    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(words)?;
+    let names: Vec<String> = archive
+        .file_names()
+        .filter_map(|name| Some(name.ok()?.into_owned()))
+        .filter(|name| name.ends_with(".npy"))
+        .collect();
+    let mut read = |name: &str| -> Decoded {
+        // A claim about the size is not believed.
+        let file = archive.by_name(name).map_err(words)?;
+        let mut content = Vec::new();
+        file.take(1 << 32).read_to_end(&mut content).map_err(|error| one_line(&error))?;
+        npy(&content)
+    };
+    let is_depth =
+        |name: &&String| ["depth", "distance", "disparity"].iter().any(|word| name.to_lowercase().contains(word));
+    let mut order: Vec<&String> = names.iter().filter(is_depth).collect();
+    order.extend(names.iter().filter(|name| !is_depth(name)));
+    let found = order.iter().find_map(|name| Some((*name, read(name).ok().filter(|array| array.channels == 1)?)));
+    let Some((name, mut array)) = found else {
+        return Err(format!("none of its arrays is an image of one number a pixel: {}", names.join(", ")));
+    };
+    if names.len() > 1 {
+        array.note = Some(format!("its array {name} was taken; also there: {}", names.join(", ")));
+    }
+    Ok(array)
+}
+
+/// Debevec's format: three lines of text, and rows from the bottom.
+fn pfm(bytes: &[u8]) -> Decoded {
+    let mut words = Vec::new();
+    let mut at = 0;
+    while words.len() < 4 {
+        let rest = bytes.get(at..).filter(|rest| !rest.is_empty()).ok_or("its header ends early")?;
+        let length = rest.iter().take(64).position(u8::is_ascii_whitespace).ok_or("its header ends early")?;
+        if length > 0 {
+            words.push(String::from_utf8_lossy(&rest[..length]).into_owned());
+        }
+        at += length + 1;
+    }
+    let number = |word: &str| word.parse::<u32>().map_err(|_| format!("\"{word}\" is no size"));
+    let (width, height) = (number(&words[1])?, number(&words[2])?);
+    let channels = if words[0] == "PF" { 3 } else { 1 };
+    let scale: f32 = words[3].parse().map_err(|_| format!("\"{}\" is no scale", words[3]))?;
+    let row = (width as usize).saturating_mul(channels);
+    let count = row.saturating_mul(height as usize);
+    let Samples::F32(upwards) = numbers(&bytes[at..], if scale < 0.0 { "<f4" } else { ">f4" }, count)? else {
+        return Err("its numbers are no floats".into());
+    };
+    let samples = Samples::F32(upwards.chunks_exact(row.max(1)).rev().flatten().copied().collect());
+    Ok(Array { size: [width, height], channels, samples, note: None })
+}
+
+/// MPI Sintel's depth: "PIEH", width and height as 32-bit numbers, and floats.
+fn dpt(bytes: &[u8]) -> Decoded {
+    let side = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let (Some(width), Some(height)) = (side(4), side(8)) else { return Err("its header ends early".into()) };
+    let count = (width as usize).saturating_mul(height as usize);
+    Ok(Array { size: [width, height], channels: 1, samples: numbers(&bytes[12..], "<f4", count)?, note: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write as _;
+
+    fn npy_file(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(data);
+        bytes
+    }
+
+    fn floats(values: &[f32]) -> Vec<u8> {
+        values.iter().flat_map(|value| value.to_le_bytes()).collect()
+    }
+
+    fn read(bytes: &[u8]) -> std::result::Result<([u32; 2], Samples), String> {
+        decode(bytes, "f").expect("known").map(|r| (r.size, r.samples)).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn arrays_are_read() {
+        let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let right = Ok(([3, 2], Samples::F32(values.to_vec())));
+        assert_eq!(read(&npy_file("<f4", "(2, 3)", &floats(&values))), right);
+        assert_eq!(read(&npy_file("<f4", "(1, 2, 3, 1)", &floats(&values))), right);
+        let big: Vec<u8> = values.iter().flat_map(|value| f64::from(*value).to_be_bytes()).collect();
+        assert_eq!(read(&npy_file(">f8", "(2, 3)", &big)), right);
+        assert_eq!(read(&npy_file("<u2", "(1, 2)", &[1, 2, 3, 4])), Ok(([2, 1], Samples::U16(vec![513, 1027]))));
+        let pfm = [b"Pf\n3 2\n-1.0\n".to_vec(), floats(&[4.0, 5.0, 6.0, 1.0, 2.0, 3.0])].concat();
+        assert_eq!(read(&pfm), right, "its rows go upwards");
+        let dpt = [b"PIEH\x03\0\0\0\x02\0\0\0".to_vec(), floats(&values)].concat();
+        assert_eq!(read(&dpt), right);
+
+        let mut npz = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        for (name, content) in [
+            ("points.npy", npy_file("<f4", "(1, 2, 3)", &floats(&values))),
+            ("depth.npy", npy_file("<f4", "(2, 3)", &floats(&values))),
+        ] {
+            npz.start_file(name, zip::write::SimpleFileOptions::default()).expect("starts");
+            npz.write_all(&content).expect("writes");
+        }
+        let npz = npz.finish().expect("ends").into_inner();
+        assert_eq!(read(&npz), right);
+        for length in 0..npz.len() {
+            let _ = decode(&npz[..length], "f");
+        }
+    }
+
+    #[test]
+    fn damaged_arrays_are_refused() {
+        for bytes in [
+            npy_file("<f4", "(2, 3)", &[0; 8]),
+            npy_file("<f4", "(99999999999, 99999999999)", &[]),
+            npy_file("<c8", "(1, 1)", &[0; 8]),
+            npy_file("<f4", "(2,)", &[0; 8]),
+            npy_file("<f4", "(2, 3)", &[0; 24])[..20].to_vec(),
+            b"Pf\n3 x\n-1\n".to_vec(),
+            b"Pf\n0 0\n-1\n".to_vec(),
+            b"PIEH\xff\xff\xff\xff\xff\xff\xff\xff".to_vec(),
+            b"PK\x03\x04".to_vec(),
+        ] {
+            let line = read(&bytes).expect_err("refused");
+            assert!(line.starts_with("f: ") && !line.contains('\n'), "{line}");
+        }
+    }
+}
