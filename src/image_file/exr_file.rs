@@ -138,7 +138,8 @@ pub(super) fn color(exr: Exr, wanted: Option<&str>, subject: &str) -> Result<Col
     let texel = |i: usize| {
         let color = space.rec709(Vec3::new(r[i], g[i], b[i]));
         // A premultiplied texel without coverage or light was never drawn.
-        let known = !color.is_nan() && !(color == Vec3::ZERO && alpha.is_some_and(|alpha| alpha[i] == 0.0));
+        let undrawn = color == Vec3::ZERO && alpha.is_some_and(|alpha| alpha[i] == 0.0);
+        let known = !(color.is_nan() || undrawn);
         color.extend(f32::from(known)).to_array()
     };
     let texels = (0..r.len()).map(texel).collect();

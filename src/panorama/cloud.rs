@@ -26,7 +26,7 @@ pub struct Cloud {
 impl Cloud {
     /// Samples a frame whose panorama is turned by `yaw_degrees`.
     pub fn of(frame: &PanoramaFrame, yaw_degrees: f32) -> Self {
-        let columns = frame.depth_size[0].min(COLUMNS).max(1);
+        let columns = frame.depth_size[0].clamp(1, COLUMNS);
         let size = [columns, (columns / 2).clamp(1, frame.depth_size[1])];
         let cells = || (0..size[1]).flat_map(|row| (0..size[0]).map(move |column| (column, row)));
         let solid = std::f32::consts::TAU * std::f32::consts::PI / (size[0] * size[1]) as f32;

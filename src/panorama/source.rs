@@ -355,7 +355,7 @@ fn tell(notes: &[String], taken: Option<&Taken>, key: &str, subject: &str, warni
 
 /// Warns of depth in 8 bits, which is usually a preview.
 fn coarse(codes: &CodeImage, rule: &Rule) -> Option<String> {
-    let bits8 = codes.integer && codes.codes.iter().all(|code| !(*code > 255.0));
+    let bits8 = codes.integer && codes.codes.iter().all(|code| code.is_nan() || *code <= 255.0);
     let Quantisation::Radial { step } = rule.quantisation() else { return None };
     (bits8 && step > 0.01).then(|| {
         let step = length_words(step);
