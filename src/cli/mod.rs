@@ -95,6 +95,7 @@ impl Command {
             Self::Capture(args) => args.quiet,
             Self::Chart(args) => args.quiet,
             Self::Check(args) => args.quiet,
+            #[cfg(feature = "viewer")]
             Self::View(args) => args.quiet,
             _ => false,
         }
