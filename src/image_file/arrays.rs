@@ -1,12 +1,17 @@
-//! Arrays of numbers that estimators and data sets write as depth: NumPy's NPY and NPZ, PFM, and Sintel's DPT.
+//! Arrays of numbers that estimators and data sets write as depth: NumPy's NPY and NPZ, PFM, Sintel's DPT, and TIFF
+//! of floats.
 
 use super::{
     color_space::ColorSpace,
-    read::{Raster, Samples, check_size, one_line},
+    read::{MAX_PIXELS, Raster, Samples, check_size, one_line},
 };
 use crate::{Error, Result};
 use half::f16;
 use std::io::{Cursor, Read as _};
+use tiff::{
+    ColorType,
+    decoder::{Decoder, DecodingResult},
+};
 
 /// Decodes such a file; `None` if it is none.
 pub(super) fn decode(bytes: &[u8], subject: &str) -> Option<Result<Raster>> {
@@ -16,6 +21,7 @@ pub(super) fn decode(bytes: &[u8], subject: &str) -> Option<Result<Raster>> {
         [b'P', b'K', 3, 4, ..] => npz(bytes),
         [b'P', b'f' | b'F', b'\n' | b'\r' | b' ', ..] => pfm(bytes),
         [b'P', b'I', b'E', b'H', ..] => dpt(bytes),
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => deep_tiff(bytes)?,
         _ => return None,
     };
     Some(array.map_err(damaged).and_then(|array| {
@@ -176,6 +182,26 @@ fn dpt(bytes: &[u8]) -> Decoded {
     Ok(Array { size: [width, height], channels: 1, samples: numbers(&bytes[12..], "<f4", count)?, note: None })
 }
 
+/// A TIFF of one deep number a pixel, which the `image` crate does not read. `None` if it is another.
+fn deep_tiff(bytes: &[u8]) -> Option<Decoded> {
+    let mut decoder = Decoder::new(Cursor::new(bytes)).ok()?;
+    let (Ok(ColorType::Gray(32 | 64)), Ok((width, height))) = (decoder.colortype(), decoder.dimensions()) else {
+        return None;
+    };
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Some(Err(format!("says it has {width}x{height} pixels")));
+    }
+    let values = decoder.read_image().map_err(|error| one_line(&error)).and_then(|read| match read {
+        DecodingResult::F32(values) => Ok(values),
+        DecodingResult::F64(values) => Ok(values.into_iter().map(|value| value as f32).collect()),
+        DecodingResult::U32(values) => Ok(values.into_iter().map(|value| value as f32).collect()),
+        DecodingResult::I32(values) => Ok(values.into_iter().map(|value| value as f32).collect()),
+        _ => Err("its numbers are of a type that is not read".to_owned()),
+    });
+    let array = |values| Array { size: [width, height], channels: 1, samples: Samples::F32(values), note: None };
+    Some(values.map(array))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -211,6 +237,11 @@ mod tests {
         assert_eq!(read(&pfm), right, "its rows go upwards");
         let dpt = [b"PIEH\x03\0\0\0\x02\0\0\0".to_vec(), floats(&values)].concat();
         assert_eq!(read(&dpt), right);
+
+        let mut tiff = Cursor::new(Vec::new());
+        let mut encoder = tiff::encoder::TiffEncoder::new(&mut tiff).expect("starts");
+        encoder.write_image::<tiff::encoder::colortype::Gray32Float>(3, 2, &values).expect("writes");
+        assert_eq!(read(&tiff.into_inner()), right);
 
         let mut npz = zip::ZipWriter::new(Cursor::new(Vec::new()));
         for (name, content) in [

@@ -338,6 +338,8 @@ impl Raster {
         for (code, _) in codes.iter_mut().zip(known.iter().flatten()).filter(|(_, known)| !**known) {
             *code = f32::NAN;
         }
-        Ok(CodeImage { size: self.size, codes, integer, taken: None, notes: self.notes })
+        // What colours mean says nothing of codes.
+        let notes = self.notes.into_iter().filter(|note| !note.starts_with("its colour profile")).collect();
+        Ok(CodeImage { size: self.size, codes, integer, taken: None, notes })
     }
 }
