@@ -6,6 +6,7 @@ use crate::{
     Error, Result,
     image_file::write::{make_folder, write_bytes},
     scene::{
+        Scene,
         animation::Placement,
         camera::CameraTrack,
         export::{Export, camera_table, placement_table},
@@ -90,8 +91,13 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
         .map_err(|error| Error::input(from.display(), error.kind().to_string(), "save it under another name"))?;
     let mut document = parse(from, &text)?;
     let first = |mut problems: Vec<Error>| problems.remove(0);
-    let known: Vec<Placement> =
-        read_scene_file(from).map_err(first)?.objects.into_iter().map(|object| object.placement).collect();
+    let specs = read_scene_file(from).map_err(first)?.objects;
+    // What the room places stands where it did when the scene was opened.
+    let known: Vec<Placement> = if specs.iter().any(|spec| spec.place.is_some() || spec.side.is_some()) {
+        Scene::load(from)?.objects().map(|object| object.placement.clone()).collect()
+    } else {
+        specs.into_iter().map(|spec| spec.placement).collect()
+    };
     let old = document.remove("object").and_then(|item| item.into_array_of_tables().ok()).unwrap_or_default();
     let mut objects = ArrayOfTables::new();
     for (object, made) in editor.scene().objects().zip(editor.made()) {

@@ -132,6 +132,7 @@ struct File<'a> {
 }
 
 const MAX_CORNERS: usize = 1 << 25;
+const MAX_WARNINGS: usize = 100;
 
 impl<'a> File<'a> {
     fn new(subject: &'a str, folder: &'a Path, root: Json<'a>, blob: Option<&'a [u8]>) -> Read<Self> {
@@ -162,6 +163,9 @@ impl<'a> File<'a> {
     /// Adds a warning about `place`. The same about other places is counted.
     fn warn(&self, place: &str, message: &str) {
         let mut warnings = self.warnings.borrow_mut();
+        let is_new = !warnings.contains_key(message);
+        let message =
+            if is_new && warnings.len() >= MAX_WARNINGS { "has more warnings, which are not listed" } else { message };
         warnings.entry(message.to_owned()).or_insert_with(|| (place.to_owned(), 0)).1 += 1;
     }
 

@@ -91,6 +91,7 @@ fn instances(file: &File, attributes: Json, user: &str) -> Read<Vec<Local>> {
     if count == 0 || count > 1 << 20 || lengths.into_iter().flatten().any(|length| length != count) {
         return Err(fault(format!("{user}: its instances are none, too many, or differ in number")));
     }
+    file.count_corners(count)?;
     let local = |i: usize| {
         let vector = |values: &Option<Vec<[f32; 3]>>, default| values.as_ref().map_or(default, |v| Vec3::from(v[i]));
         Local::Transform(Transform {
