@@ -178,7 +178,8 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
 pub fn tilt_warning(floor: Option<Level>, spec: &PanoramaSpec, subject: &str) -> Option<String> {
     let floor = floor.filter(|floor| floor.tilt > 2.0)?;
     let now = Quat::from_rotation_y(spec.yaw_degrees.to_radians()) * rotation(spec.pitch_degrees, spec.roll_degrees);
-    let [pitch, roll] = upright(now.inverse() * Vec3::from(floor.normal));
+    // Adding 0 makes of −0 a plain one.
+    let [pitch, roll] = upright(now.inverse() * Vec3::from(floor.normal)).map(|x| (10.0 * x).round() / 10.0 + 0.0);
     let what = format!("its floor is tilted by {:.1}°", floor.tilt);
     Some(format!("{subject}: {what}; to level it, write pitch = {pitch:.1} and roll = {roll:.1} in [panorama]"))
 }

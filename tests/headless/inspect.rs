@@ -246,9 +246,9 @@ fn a_new_scene_is_right_at_the_first_try() {
     assert!(place("metres", 1.0, 1).contains("position = [0, 1.500, 0]"));
     assert!(place("millimetres", 1000.0, 1).contains("scale = 0.001"));
     let text = place("relative", 0.05, 1);
-    assert!(text.contains("scale = 21.3") && text.contains("position = [0, 1.6"), "{text}");
+    assert!(text.contains("scale = 21.3") && text.contains("position = [0, 1.59"), "{text}");
     let text = place("disparity", 3.0, -1);
-    assert!(text.contains("encoding = \"disparity\"") && text.contains("position = [0, 1.6"), "{text}");
+    assert!(text.contains("encoding = \"disparity\"") && text.contains("scale = 3.2"), "{text}");
 
     let folder = folder(distance, paint, "");
     folder.succeeds("new color.exr -o box.toml");
