@@ -274,6 +274,7 @@ fn what_is_odd_or_unused_never_refuses_a_file() {
         (plain.replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0,5]}]"#), Some("node 5")),
         (plain.replace(r#"{"mesh":0}"#, r#"{"mesh":0,"children":[0]}"#), Some("own ancestor")),
         (plain.replace(r#"{"mesh":0}"#, r#"{"mesh":0,"rotation":[0,0,0,0]}"#), Some("rotation")),
+        (plain.replace(r#"{"mesh":0}"#, r#"{"mesh":0,"translation":[NaN,0,0]}"#), Some("translation")),
         (plain.replace(r#""attributes":{"#, r#""attributes":{"NORMAL":8,"COLOR_0":9,"#), Some("accessor 8")),
     ] {
         let (model, warnings) = inline(&members).unwrap_or_else(|line| panic!("{members}: {line}"));

@@ -86,3 +86,33 @@ fn whole(value: &Value) -> Option<usize> {
     let float = || value.as_f64().filter(|x| *x >= 0.0 && x.fract() == 0.0 && *x < 9e15).map(|x| x as u64);
     value.as_u64().or_else(float).and_then(|number| usize::try_from(number).ok())
 }
+
+/// Replaces NaN and Infinity outside of strings by null.
+pub(super) fn without_nan(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let (mut word, mut in_string, mut escaped) = (String::new(), false, false);
+    for letter in text.chars() {
+        if !in_string && (letter.is_ascii_alphabetic() || letter == '-') {
+            word.push(letter);
+            continue;
+        }
+        let number = word.trim_start_matches('-').to_ascii_lowercase();
+        out += if ["nan", "inf", "infinity"].contains(&number.as_str()) { "null" } else { &word };
+        word.clear();
+        out.push(letter);
+        in_string ^= letter == '"' && !escaped;
+        escaped = in_string && letter == '\\' && !escaped;
+    }
+    out + &word
+}
+
+#[cfg(test)]
+mod tests {
+    use super::without_nan;
+
+    #[test]
+    fn numbers_that_json_lacks_become_nothing() {
+        let text = r#"{"a":[NaN,-Infinity,1e-5,-2],"NaN":"a \"NaN\"","b":true}"#;
+        assert_eq!(without_nan(text), r#"{"a":[null,null,1e-5,-2],"NaN":"a \"NaN\"","b":true}"#);
+    }
+}

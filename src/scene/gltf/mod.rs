@@ -106,8 +106,11 @@ fn parse(bytes: &[u8]) -> Read<(Value, Option<&[u8]>)> {
     }
     let text = String::from_utf8_lossy(text);
     let text = text.trim_start_matches('\u{feff}').trim_end_matches('\0');
-    let root: Value =
-        serde_json::from_str(text).map_err(|error| fault(format!("is not glTF: {}", read::one_line(&error))))?;
+    let parsed = serde_json::from_str(text).or_else(|error| {
+        // Some exporters write numbers that JSON does not have.
+        serde_json::from_str(&json::without_nan(text)).map_err(|_| error)
+    });
+    let root: Value = parsed.map_err(|error| fault(format!("is not glTF: {}", read::one_line(&error))))?;
     if !root.is_object() {
         return Err(fault("is not glTF: it holds no JSON object"));
     }
