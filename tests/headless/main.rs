@@ -36,6 +36,7 @@ mod samplers;
 mod scene;
 mod shapes;
 mod stability;
+mod stored;
 mod target;
 mod tracer;
 mod truth;

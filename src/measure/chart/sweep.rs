@@ -210,6 +210,11 @@ impl PointSpec {
         }
     }
 
+    /// Whether the point is a method as it is.
+    pub fn is_method(&self) -> bool {
+        self.group == "method"
+    }
+
     /// All settings of the point: the preset's, over them the scene's, and over those the point's own.
     ///
     /// # Errors
