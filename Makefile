@@ -13,9 +13,10 @@ demo: build
 
 # docs/results.md: every method in every room. Interrupted, it goes on where it was.
 ROOM = $(wildcard $(IPRT_DATA)/rooms/room/scene.toml)
+SIZE = 320x180
 results: build
-	target/release/iprt chart apartment bedroom gallery $(ROOM) -o out/results --sweep methods \
-		--size 160x90 --truth-spp 128 --rounds 2 --markdown docs/results.md
+	target/release/iprt chart apartment bedroom gallery $(ROOM) -o out/results-$(SIZE) --sweep methods \
+		--size $(SIZE) --looks 1,16,64 --truth-spp 1024 --rounds 3 --markdown docs/results.md
 
 # A small chart of the settings, made within ten minutes on two cores.
 chart: build

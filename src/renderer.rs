@@ -27,19 +27,20 @@ use crate::{
         scene::{SceneBuffers, relative_to},
         temporal::{Since, Temporal},
         unknown::Unknown,
-        view::{Role, Shown, View, ViewData},
+        view::{REAL, Role, Shown, VIRTUAL, View, ViewData},
     },
     plan::{Facts, Part, Plan},
     scene::{
         Scene,
-        packed::{PackedInstances, PackedScene},
+        movers::Movers,
+        packed::{Mover, PackedInstances, PackedScene},
         viewpoint::{Projection, Viewpoint},
     },
-    settings::{ClampWhen, FOREVER, FilterOrder, Settings},
+    settings::{ClampWhen, FOREVER, FilterOrder, INFINITE, Settings},
 };
 use glam::{Quat, Vec3};
 use std::{
-    collections::{HashMap, VecDeque},
+    collections::VecDeque,
     sync::atomic::{AtomicU32, Ordering},
 };
 
@@ -65,8 +66,7 @@ pub struct Renderer {
     nothing: Image,
     video_frame: Option<usize>,
     previous_time: Option<f64>,
-    /// Where each instance was in the previous frame, by id. Users move objects too.
-    previous_objects: HashMap<u32, [[f32; 4]; 3]>,
+    movers: Movers,
     frame: u32,
     #[cfg(feature = "faults")]
     fault: Fault,
@@ -121,7 +121,8 @@ struct FrameState {
     content: Option<PanoramaFrame>,
     /// The instances, relative to the panorama's centre.
     instances: PackedInstances,
-    moving: bool,
+    /// What of them has moved.
+    movers: Vec<Mover>,
     /// Whether the light of the real scene is another than in the frame before.
     new_light: bool,
     /// Whether the relit panorama is made again.
@@ -130,16 +131,13 @@ struct FrameState {
 }
 
 impl FrameState {
-    /// What the first pass on a view depends on.
-    fn shown_in(&self, view: &View) -> Shown {
-        match view.role {
-            Role::Picture => Shown {
-                video_frame: self.video_frame,
-                viewpoint: Some(self.viewpoint),
-                objects: self.instances.instances.iter().map(|instance| instance.object_to_world).collect(),
-            },
-            Role::Relight => Shown { video_frame: self.video_frame, viewpoint: None, objects: Vec::new() },
-        }
+    /// What the first pass on a view depends on, for real and for virtual surfaces.
+    fn shown_in(&self, view: &View) -> [Shown; 2] {
+        let viewpoint = (view.role == Role::Picture).then_some(self.viewpoint);
+        let real = Shown { video_frame: self.video_frame, viewpoint, objects: Vec::new() };
+        let rows = || self.instances.instances.iter().map(|instance| instance.object_to_world).collect();
+        let seen = if view.role == Role::Picture { rows() } else { Vec::new() };
+        [real.clone(), Shown { objects: seen, ..real }]
     }
 }
 
@@ -224,7 +222,7 @@ impl Renderer {
             nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32u)?,
             video_frame: None,
             previous_time: None,
-            previous_objects: HashMap::new(),
+            movers: Movers::default(),
             frame: 0,
             plan,
             options,
@@ -305,7 +303,9 @@ impl Renderer {
         let light = |lighting| self.light(&mut frame, lighting, &self.picture, self.relight.last(), &state);
         let light = lighting.map(light).transpose()?;
         frame.barrier("composite reads radiance and filtered light");
-        self.composite.record(&mut frame, &self.picture, light)?;
+        let [real, _] = state.shown_in(&self.picture);
+        let still = light.is_some() && self.picture.still_frames(REAL, &real) > 0;
+        self.composite.record(&mut frame, &self.picture, light, still)?;
 
         let begun = Begun { ticket: frame.submit()?, new_video_frame: state.content.is_some() };
         self.end_frame(&state, time);
@@ -318,7 +318,7 @@ impl Renderer {
             if let Some(content) = &state.content {
                 self.panorama.upload(frame, content)?;
             }
-            self.scene.upload(frame, &state.instances)?;
+            self.scene.upload(frame, &state.instances, &state.movers)?;
             self.upload_views(frame, state)
         })
     }
@@ -360,7 +360,9 @@ impl Renderer {
 
     /// Records pass 1 on one view, unless the view holds already what it would show.
     fn look(&self, frame: &mut Frame, view: &View, state: &FrameState) -> Result<()> {
-        if view.keeps(&state.shown_in(view)) {
+        let [real, seen] = state.shown_in(view);
+        let kept = [view.keeps(REAL, &real), view.keeps(VIRTUAL, &seen)];
+        if kept == [true; 2] {
             return Ok(());
         }
         let gbuffer = match view.role {
@@ -372,7 +374,7 @@ impl Renderer {
             }
         };
         let gbuffer = gbuffer.ok_or_else(|| Error::Internal("no gbuffer for this view".into()))?;
-        gbuffer.record(frame, view, &self.panorama.resources, &self.scene)
+        gbuffer.record(frame, view, &self.panorama.resources, &self.scene, kept[REAL as usize])
     }
 
     /// Records passes 2 to 5 on a view whose rays see `relit`. Returns the image of the filtered light.
@@ -388,14 +390,15 @@ impl Renderer {
         let history = settings.temporal && view.history_reset.is_none();
         let clamp = if planted!(self, HistoryKept) {
             0.0
-        } else if state.moving || settings.clamp_when == ClampWhen::Always {
+        } else if self.shortens(state) || settings.clamp_when == ClampWhen::Always {
             settings.clamp
         } else {
             0.0
         };
-        let still = view.still_frames(&state.shown_in(view));
+        let [real, seen] = state.shown_in(view);
+        let still = [view.still_frames(REAL, &real), view.still_frames(VIRTUAL, &seen)];
         let relit = relit.map_or(Ok(&self.nothing), |map| map.image(filtered(settings)))?;
-        let since = Since { history, still: still > 0, clamp, video: state.new_light };
+        let since = Since { history, still: still.map(|frames| frames > 0), clamp, video: state.new_light };
         let temporal = |frame: &mut Frame, why, input| match &lighting.temporal {
             Some(temporal) => {
                 frame.barrier(why);
@@ -412,7 +415,8 @@ impl Renderer {
         };
 
         frame.barrier("sampling_mask reads what gbuffer saw");
-        lighting.sampling_mask.record(frame, view, settings, still, history)?;
+        let pools = [&self.panorama.resources, &self.scene.resources];
+        lighting.sampling_mask.record(frame, view, settings, still, history, pools)?;
         frame.barrier("irradiance reads the compacted pixels");
         let last = if self.plan.roulette() { view.image(filtered(settings))? } else { &self.nothing };
         lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, [relit, last], since)?;
@@ -468,18 +472,16 @@ impl Renderer {
         if self.options.without_objects || !self.plan.on(Part::Objects) {
             state.instances = PackedInstances::default();
         }
-        for instance in &mut state.instances.instances {
-            if let Some(before) = self.previous_objects.insert(instance.id, instance.object_to_world) {
-                instance.previous_object_to_world = before;
-            }
+        let (centre, unit) = (scene.panorama.position, self.plan.facts.luminance);
+        let mut movers = self.movers.advance(&scene.packed, &mut state.instances.instances, centre, unit);
+        if !self.plan.on(Part::Motion) || planted!(self, HistoryKept) {
+            movers.clear();
         }
-        let objects_move = state.instances.instances.iter().any(|i| i.object_to_world != i.previous_object_to_world);
-        let new_light = new_video_frame && self.video_frame.is_some();
-        let moving = (objects_move || new_light) && self.plan.on(Part::Motion);
+        let new_light = new_video_frame && self.video_frame.is_some() && self.plan.on(Part::Motion);
         let viewpoint = viewpoint(&self.options, scene, &state.camera);
-        let instances = relative_to(scene.panorama.position, state.instances);
+        let instances = relative_to(centre, state.instances);
         let relight = !wishes.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
-        let state = FrameState { video_frame, content, instances, moving, new_light, relight, viewpoint };
+        let state = FrameState { video_frame, content, instances, movers, new_light, relight, viewpoint };
         let maps = if relight { &mut self.relight[..] } else { &mut [] };
         for view in std::iter::once(&mut self.picture).chain(maps) {
             view.begin_frame(&state.shown_in(view));
@@ -537,15 +539,17 @@ impl Renderer {
             edge_ratio: settings.edge_ratio,
             thickness: settings.thickness,
             instance_count: state.instances.instances.len() as u32,
+            mover_count: state.movers.len() as u32,
+            new_video: u32::from(state.new_light && !planted!(self, HistoryKept)),
             bounces: settings.bounces,
             coverage_samples: settings.coverage_samples,
             rays_per_16: ((settings.rays_per_pixel * 16.0).round() as u32).clamp(1, 16),
-            history_limit: match state.moving {
+            history_limit: match self.shortens(state) {
                 _ if planted!(self, HistoryKept) => FOREVER,
                 true => settings.history_moving,
                 false => settings.history,
             },
-            history_limit_real: match state.new_light && self.plan.on(Part::Motion) {
+            history_limit_real: match state.new_light && self.shortens(state) {
                 _ if planted!(self, HistoryKept) => FOREVER,
                 true => settings.history_moving,
                 false => settings.history,
@@ -557,7 +561,13 @@ impl Renderer {
         };
         self.panorama.describe(&mut data);
         data.look(&viewpoint, &view.previous.unwrap_or(viewpoint));
+        view.describe(&mut data, &state.shown_in(view));
         data
+    }
+
+    /// Whether all histories are shortened in a frame, and not only those whose light changes.
+    fn shortens(&self, state: &FrameState) -> bool {
+        (state.new_light || !state.movers.is_empty()) && self.plan.settings.history_change >= INFINITE
     }
 
     /// The factors on light in images, where halves hold it: on E_R, and on

@@ -218,7 +218,7 @@ macro_rules! settings {
 pub const FOREVER: u32 = 1 << 24;
 
 /// Stands for `inf` in shaders, which may assume that there are no real infinities.
-const INFINITE: f32 = 1e30;
+pub const INFINITE: f32 = 1e30;
 
 /// The range of a setting that is not a number.
 const ANY: [f64; 2] = [0.0, 0.0];
@@ -230,7 +230,7 @@ settings! {
         virtual_surfaces: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces in the picture itself, not only their shadows and reflections";
         off_centre: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "a camera away from the capture point: its rays are traced through the panorama";
         video: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "a panorama that changes; off: its first frame alone";
-        motion: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "objects or a video that move: their motion vectors, a shorter history, clamping";
+        motion: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "objects or a video that move: their motion vectors, and shorter histories where they change the light";
         radiance_pyramid: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "mip levels of a panorama that is finer than the picture";
         specular: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "the GGX lobe of virtual surfaces";
         emission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces that shine";
@@ -278,8 +278,9 @@ settings! {
     temporal {
         temporal: bool = [true, true, true, true], ANY, "", "accumulate along motion vectors";
         history: u32 = [64, 64, 64, FOREVER], [1.0, FOREVER as f64], "frames", "longest history while nothing but the camera moves";
-        history_moving: u32 = [12, 12, 12, FOREVER], [1.0, FOREVER as f64], "frames", "longest history while an object or the video moves";
-        clamp: f32 = [1.0, 1.0, 1.0, 0.0], [0.0, 16.0], "standard deviations", "how far history may be from this frame's 5×5 mean; 0: no clamping";
+        history_moving: u32 = [12, 12, 12, FOREVER], [1.0, FOREVER as f64], "frames", "`history_change = inf`: longest history while an object or the video moves";
+        history_change: f32 = [0.6, INFINITE, 0.6, INFINITE], [0.01, f64::INFINITY], "of the light", "how much of a surface's light moving objects and the video may change over the length of its history: where they change more, it is shorter; inf: `history_moving` instead, for all";
+        clamp: f32 = [0.0, 1.0, 0.0, 0.0], [0.0, 16.0], "standard deviations", "how far history may be from this frame's 5×5 mean; 0: no clamping";
         clamp_when: ClampWhen = [ClampWhen::Moving, ClampWhen::Always, ClampWhen::Moving, ClampWhen::Moving], ANY, "", "when the history is clamped";
     }
     atrous {
@@ -336,6 +337,7 @@ impl Settings {
             temporal: reference.temporal,
             history: reference.history,
             history_moving: reference.history_moving,
+            history_change: reference.history_change,
             clamp: reference.clamp,
             clamp_when: reference.clamp_when,
             filter_order: reference.filter_order,

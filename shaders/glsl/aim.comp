@@ -16,7 +16,7 @@ void main() {
     ivec2 p = inside ? ivec2(item & 0xffffu, item >> 16u) : ivec2(0);
     Random random = random_begin(uvec2(p), uint(REAL));
     RealStart from = real_start(p);
-    Aim aim = real_aim(from, random);
+    Aim aim = real_aim(p, from, random);
     bool met = aim.possible && scene_meets(from.off_virtual, aim.d, aim.light && !aim.far ? distance(aim.target, from.off_virtual) : FAR);
     bool traced = inside && aim.possible && (met || chosen(p, traced_share(p)));
     if (inside && !traced) imageStore(out_irradiance, ivec3(p, REAL), uvec4(0u));

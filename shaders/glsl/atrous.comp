@@ -35,7 +35,7 @@ vec2 smooth_deviation(ivec2 p) {
             bool inside = neighbour(q);
             vec2 deviation = unpackHalf2x16(imageLoad(in_light, ivec3(q, LAYER)).w);
             float w = (x == 0 ? 0.5 : 0.25) * (y == 0 ? 0.5 : 0.25);
-            if (!inside || deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, LAYER))) == NO_SURFACE) continue;
+            if (!inside || deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, NOW(LAYER)))) == NO_SURFACE) continue;
             variance += w * deviation * deviation;
             total += w;
         }
@@ -47,7 +47,7 @@ void main() {
     ivec2 p;
     if (!tile_pixel(LAYER, p)) return;
     ivec3 at = ivec3(p, LAYER);
-    uvec4 guide = imageLoad(in_guide, at);
+    uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
     if (guide_id(guide) == NO_SURFACE) return;
     Light light = light_unpack(imageLoad(in_light, at));
     bool known = light.deviation.x >= 0.0;
@@ -56,7 +56,7 @@ void main() {
     vec2 luma = vec2(luminance(light.a), luminance(light.b));
     // A short history has no variance of its own: the first level then ignores luminance and measures the
     // variance.
-    bool measure = FIRST != 0u && (RAW != 0u || imageLoad(in_frames, at).x < 12.0) || !known;
+    bool measure = FIRST != 0u && (RAW != 0u || imageLoad(in_frames, ivec3(p, NOW(LAYER))).y < 12.0) || !known;
     vec2 inverse = vec2(0.0);
     if (push.sigma_luminance < FAR && FAULT != FAULT_FILTER_BLIND) {
         vec2 deviation = FIRST != 0u && RAW == 0u ? smooth_deviation(p) : light.deviation;
@@ -75,7 +75,7 @@ void main() {
         [[unroll]] for (int x = -RADIUS; x <= RADIUS; x++) {
             ivec2 q = p + ivec2(x, y) * push.step_size;
             bool inside = neighbour(q);
-            uvec4 other = imageLoad(in_guide, ivec3(q, LAYER));
+            uvec4 other = imageLoad(in_guide, ivec3(q, NOW(LAYER)));
             Light there = light_unpack(imageLoad(in_light, ivec3(q, LAYER)));
             float k = KERNEL[RADIUS - 1][abs(x)] * KERNEL[RADIUS - 1][abs(y)];
             if (!inside || there.deviation.x < 0.0 || guide_id(other) == NO_SURFACE) k = 0.0;

@@ -14,6 +14,9 @@ layout(constant_id = 14) const uint PROJECTION = EITHER; // of the view, if a pi
 // The two surfaces that a pixel may hold, and the layer of each in array images.
 const int REAL = 0;
 const int VIRTUAL = 1;
+// Their layers in images with a history.
+#define NOW(layer) int(in_view.view.now[layer])
+#define BEFORE(layer) int(in_view.view.before[layer])
 
 #include "fault.glsl"
 

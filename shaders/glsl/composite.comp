@@ -4,24 +4,27 @@
 // M·(L_cam + ΔE·k) + (1 − M)·(L_e + k_V·E/π + L_GGX), where k = min(L_cam/E_R, 1/π), or L_cam/E_R as in the
 // paper.
 // In: camera_radiance (L_cam), real_coverage (M), albedo_virtual (k_V), emission (L_e), guide, light (E_R and
-// ΔE | E and L_GGX). Out: radiance, alpha 1.
+// ΔE | E and L_GGX); tiles. Out: radiance, alpha 1.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
 #include "relit.glsl"
+#include "tiles.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 1) const int LAYER = 0;
+layout(constant_id = 29) const uint LISTED = 0; // 1: only the tiles of a layer that were visited are made again
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
+    if (LISTED != 0u ? !tile_pixel(LAYER, p) : any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
     if (FAULT == FAULT_LAST_TILE_LOST && any(greaterThanEqual(p, ivec2(in_view.view.size) & ~7))) {
         imageStore(out_radiance, p, vec4(0.0));
         return;
     }
     vec3 radiance = imageLoad(in_camera_radiance, p).rgb;
-    if (LIT != 0u && in_view.view.instance_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, REAL))) != NO_SURFACE) {
+    if (LIT != 0u && in_view.view.instance_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, NOW(REAL)))) != NO_SURFACE) {
         Light light = light_unpack(imageLoad(in_light, ivec3(p, REAL)));
         light_decode(REAL, light);
         radiance = relight(radiance, light.a, light.b);

@@ -3,8 +3,8 @@
 // Pass 1, gbuffer (second dispatch): the fraction M of each pixel that shows the real scene, 0 or 1 except at
 // silhouettes, where the 3×3 neighbourhood holds both kinds of surface. It lists silhouettes, and the tiles
 // that the later passes visit.
-// In: camera_radiance.w (M at the centre), guide. Out: coverage; guide of real surfaces, cleared where they
-// are not seen and so not lit; list, tiles.
+// In: camera_radiance.w (M at the centre), guide. Out: coverage; guide of real surfaces, marked where they
+// are hidden and so not lit; list, tiles.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -26,12 +26,16 @@ void main() {
         }
     }
     bool silhouette = inside && sum != 0.0 && sum != count, hidden = !silhouette && centre == 0.0;
-    bool real = inside && !hidden && guide_id(imageLoad(guide, ivec3(p, REAL))) != NO_SURFACE;
-    if (inside) imageStore(out_real_coverage, p, vec4(centre));
-    if (inside && hidden) {
-        imageStore(guide, ivec3(p, REAL), uvec4(0u));
-        imageStore(out_mask, ivec3(p, REAL), vec4(0.0));
+    uvec4 behind = imageLoad(guide, ivec3(p, NOW(REAL)));
+    bool was_hidden = (behind.y & HIDDEN) != 0u, real = inside && !hidden && (behind.w >> 24) != NO_SURFACE;
+    // A tile that an object has left is visited once more.
+    bool left = inside && imageLoad(real_coverage, p).x < 1.0;
+    if (inside) imageStore(real_coverage, p, vec4(centre));
+    if (inside && hidden != was_hidden) {
+        behind.y ^= HIDDEN;
+        imageStore(guide, ivec3(p, NOW(REAL)), behind);
     }
+    if (inside && hidden) imageStore(out_mask, ivec3(p, REAL), vec4(0.0));
     append_pixels(bvec2(silhouette, false), p);
-    append_tile(real, silhouette || (inside && centre == 0.0));
+    append_tile(real, silhouette || left || (inside && centre == 0.0));
 }

@@ -17,37 +17,56 @@
 #include "guide.glsl"
 #include "gbuffer.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 28) const uint KEPT = 0; // 1: what is real is kept from the last frame
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     bool inside = all(lessThan(p, ivec2(in_view.view.size)));
     vec2 pixel = vec2(p) + 0.5;
     vec3 d = view_direction(pixel);
-    RealPoint real = real_surface(d);
+    RealPoint real;
+    if (KEPT == 0u) real = real_surface(d);
     bool met = false;
     if (SHOWN != 0u) {
-        vec3 radiance = panorama_filtered(real.uv, pixel_angle());
+        bool changed = KEPT == 0u;
         if (VIRTUAL_SURFACES != 0u) {
-            SceneHit found = scene_trace(in_view.view.position, d, FAULT == FAULT_REAL_IGNORED ? FAR : real.t);
+            SceneHit found = scene_trace(in_view.view.position, d, FAR);
             met = inside && found.instance != NONE;
+            if (met && FAULT != FAULT_REAL_IGNORED) {
+                if (KEPT != 0u) {
+                    float t = imageLoad(position, ivec3(p, REAL)).w;
+                    real.t = t > 0.0 ? t : FAR;
+                }
+                met = found.t < real.t;
+            }
             // Few pixels show objects, and stores cost much: only what has changed is written.
-            bool had = inside && imageLoad(hit, p).x != NONE;
-            if (met || had) imageStore(hit, p, uvec4(found.instance, found.triangle, floatBitsToUint(found.barycentric)));
-            if (had && !met) write_no_virtual(p);
-            // The guide's image is that of two frames ago.
-            if (inside && !met && guide_id(imageLoad(guide, ivec3(p, VIRTUAL))) != NO_SURFACE) imageStore(guide, ivec3(p, VIRTUAL), uvec4(0u));
+            uvec4 had = inside ? imageLoad(hit, p) : uvec4(NONE, 0u, 0u, 0u);
+            bool lost = had.x != NONE && !met;
+            if (met) imageStore(hit, p, uvec4(found.instance, found.triangle, floatBitsToUint(found.barycentric)));
+            else if (lost || (had.x == NONE && had.y == HAD_HIT)) imageStore(hit, p, uvec4(NONE, lost ? HAD_HIT : 0u, 0u, 0u));
+            if (lost) write_no_virtual(p);
+            changed = met || had.x != NONE;
+            // The guide is that of two frames ago.
+            if (inside && !met && (lost || had.y == HAD_HIT)) imageStore(guide, ivec3(p, NOW(VIRTUAL)), uvec4(0u));
         }
-        if (inside) imageStore(out_camera_radiance, p, vec4(radiance, met ? 0.0 : 1.0));
+        if (inside && (KEPT == 0u || changed)) {
+            vec3 radiance = KEPT != 0u ? imageLoad(camera_radiance, p).rgb : panorama_filtered(real.uv, pixel_angle());
+            imageStore(camera_radiance, p, vec4(radiance, met ? 0.0 : 1.0));
+        }
         if (LIT == 0u) return;
+    }
+    if (KEPT != 0u) {
+        append_pixels(bvec2(false, met), p);
+        return;
     }
     bool has_real = inside && real.t < FAR;
     if (inside) {
         vec3 point = in_view.view.position + d * (has_real ? real.t : 0.0);
         vec3 normal = imageLoad(in_panorama_normal, real.texel).xyz;
         if (dot(normal, d) > 0.0) normal = -normal; // a camera off the centre sees it from behind
-        imageStore(out_position, ivec3(p, REAL), vec4(point, has_real ? real.t : 0.0));
+        imageStore(position, ivec3(p, REAL), vec4(point, has_real ? real.t : 0.0));
         imageStore(out_normal, ivec3(p, REAL), vec4(has_real ? normal : vec3(0.0), 1.0));
-        imageStore(guide, ivec3(p, REAL), has_real ? guide_pack(point, normal, 1.0, REAL_SURFACE) : uvec4(0u));
+        imageStore(guide, ivec3(p, NOW(REAL)), has_real ? guide_pack(point, normal, 1.0, REAL_SURFACE) : uvec4(0u));
         imageStore(out_motion, ivec3(p, REAL), has_real ? motion_of(pixel, point, 0.0) : vec4(0.0));
     }
     if (VIRTUAL_SURFACES != 0u) append_pixels(bvec2(false, met), p);

@@ -2,6 +2,8 @@
 layout(constant_id = 0) const uint OFF_CENTRE = 0; // 1: primary rays are traced, not looked up
 layout(constant_id = 9) const uint FILL_UNSEEN = 0; // 1: what lies behind an edge fills what the capture never saw
 
+const uint HAD_HIT = 1u; // in `hit`, beside NONE: there was one a frame ago
+
 struct RealPoint { float t; vec2 uv; ivec2 texel; };
 
 // Finds what a primary ray shows where the capture saw nothing. A skirt shows the farthest of the texel that
@@ -69,18 +71,18 @@ void write_virtual(ivec2 p, SceneHit met, vec3 d) {
         vec3 point = tri.v0 + tri.e1 * met.barycentric.x + tri.e2 * met.barycentric.y;
         previous = transform_point(in_instances.instance[met.instance].previous_object_to_world, point);
     }
-    imageStore(out_position, ivec3(p, VIRTUAL), vec4(s.position, met.t));
+    imageStore(position, ivec3(p, VIRTUAL), vec4(s.position, met.t));
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(to_half(s.normal), s.roughness));
     // Relative to where the ray meets the image, so that a surface seen beside the pixel's centre is followed.
     vec4 motion = motion_of(vec2(p) + 0.5, previous, float(in_instances.instance[met.instance].id));
     imageStore(out_motion, ivec3(p, VIRTUAL), motion);
     imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, s.metallic));
     if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
-    imageStore(guide, ivec3(p, VIRTUAL), guide_pack(s.position, s.normal, s.roughness, guide_object(in_instances.instance[met.instance].id)));
+    imageStore(guide, ivec3(p, NOW(VIRTUAL)), guide_pack(s.position, s.normal, s.roughness, guide_object(in_instances.instance[met.instance].id)));
 }
 
 void write_no_virtual(ivec2 p) {
-    imageStore(out_position, ivec3(p, VIRTUAL), vec4(0.0));
+    imageStore(position, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_normal, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_motion, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_mask, ivec3(p, VIRTUAL), vec4(0.0));

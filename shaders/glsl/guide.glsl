@@ -1,8 +1,10 @@
-// What tells two surfaces apart, in 16 bytes: position (m) with roughness in its lowest bits, then the normal
-// in steps of 1/127 and the object. Passes that look at many neighbours read this alone.
+// What tells two surfaces apart, in 16 bytes: position (m) with roughness in the lowest bits of x and HIDDEN in
+// that of y, then the normal in steps of 1/127 and the object. Passes that look at many neighbours read this
+// alone.
 
 const uint NO_SURFACE = 0u;
 const uint REAL_SURFACE = 1u;
+const uint HIDDEN = 1u; // a real surface of which objects leave nothing to be seen: it is not lit
 
 uint guide_object(uint instance_id) { return 1u + instance_id % 255u; }
 
@@ -12,7 +14,7 @@ uvec4 guide_pack(vec3 position, vec3 normal, float roughness, uint object) {
     return uvec4(p.x | uint(clamp(roughness, 0.0, 1.0) * 15.0 + 0.5), p.yz, n.x | n.y << 8 | n.z << 16 | object << 24);
 }
 
-uint guide_id(uvec4 guide) { return guide.w >> 24; }
+uint guide_id(uvec4 guide) { return (guide.y & HIDDEN) != 0u ? NO_SURFACE : guide.w >> 24; }
 vec3 guide_position(uvec4 guide) { return uintBitsToFloat(guide.xyz); }
 float guide_roughness(uvec4 guide) { return float(guide.x & 15u) * (1.0 / 15.0); }
 

@@ -6,7 +6,7 @@ layout(constant_id = 11) const uint STILL = 0; // 1: camera, objects and video s
 // facing the same way. `q` wraps.
 float history_weight(inout ivec2 q, int layer, vec4 motion, uvec4 guide) {
     if (!neighbour(q)) return 0.0;
-    uvec4 then = imageLoad(history_guide, ivec3(q, layer));
+    uvec4 then = imageLoad(in_guide, ivec3(q, BEFORE(layer)));
     if (guide_id(then) != guide_id(guide)) return 0.0;
     float distance = length(guide_position(then) - in_view.view.previous_position);
     if (abs(distance - motion.z) > 0.03 * motion.z) return 0.0;

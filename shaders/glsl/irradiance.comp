@@ -12,7 +12,7 @@ layout(local_size_x = 64) in;
 void real_surface_light(ivec2 p) {
     Random random = random_begin(uvec2(p), uint(REAL));
     RealStart from = real_start(p);
-    Ray ray = real_ray(real_aim(from, random), from);
+    Ray ray = real_ray(real_aim(p, from, random), from);
     vec3 radiance = vec3(0.0), mixed = vec3(0.0);
     if (ray.weight.x > 0.0) {
         SceneHit hit = virtual_trace(from.off_virtual, ray.d, ray.real.t, random);
@@ -38,7 +38,8 @@ void virtual_surface_light(ivec2 p) {
     Lobes l = brdf_lobes(s, -from_eye);
     bool specular = brdf_choose_specular(l, random);
     vec3 origin = surface_origin(s);
-    Ray ray = trace(aim(origin, s.normal, specular, s, l, -from_eye, random), origin, s.normal, specular, s, l, -from_eye);
+    vec3 numbers = first_numbers(p, uint(VIRTUAL));
+    Ray ray = trace(aim(origin, s.normal, specular, s, l, -from_eye, numbers, random), origin, s.normal, specular, s, l, -from_eye);
     vec3 weight = ray.weight / (specular ? l.specular_probability : (1.0 - l.specular_probability) / PI);
     if (dot(ray.d, s.geometric) <= 0.0) weight = vec3(0.0);
     vec3 radiance = vec3(0.0);

@@ -54,8 +54,7 @@ struct Ray {
 };
 
 // Aims at a light. Returns false if the direction drawn is behind the surface.
-bool toward_light(vec3 x, vec3 normal, inout Random random, out vec3 d, out vec3 target, out bool far) {
-    vec2 u = random_next2(random);
+bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, out vec3 target, out bool far) {
     vec3 centre = light_sample(u, random_next2(random));
     ivec2 texel;
     float distance = surface_distance(centre, texel);
@@ -85,17 +84,25 @@ struct Aim {
 
 float light_share(bool mirror) { return mirror || DIRECTIONS == BRDF ? 0.0 : in_lights.share; }
 
+// Three numbers of a path's first ray: over the frames a pixel's additive sequence, which begins anywhere. Its steps
+// were searched for so that 4 to 64 points in a row, and 4 to 64 points of every fourth frame, are spread evenly.
+vec3 first_numbers(ivec2 p, uint layer) {
+    uint x = hash(uint(p.x) + hash(uint(p.y) + hash(in_view.view.seed + hash(layer)))), y = hash(x), z = hash(y);
+    const uvec3 STEP = uvec3(0x6409ebebu, 0x2f075138u, 0x8ef7fcb5u); // 2³² times 0.39077639, 0.18370540, 0.55847148
+    return vec3((uvec3(x, y, z) + in_view.view.frame * STEP) >> 8u) * (1.0 / 16777216.0);
+}
+
 // Draws from a Lambert lobe of albedo 1 (f·cos = cos/π), or from the GGX lobe of a surface, or from the lights.
-Aim aim(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, inout Random random) {
+Aim aim(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, vec3 numbers, inout Random random) {
     Aim aim;
     aim.mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
-    aim.light = random_next(random) < light_share(aim.mirror);
+    aim.light = numbers.z < light_share(aim.mirror);
     aim.far = false;
     aim.target = aim.mirror_weight = vec3(0.0);
     aim.possible = true;
-    if (aim.light) aim.possible = toward_light(x, normal, random, aim.d, aim.target, aim.far);
+    if (aim.light) aim.possible = toward_light(x, normal, numbers.xy, random, aim.d, aim.target, aim.far);
     else {
-        vec2 u = random_next2(random);
+        vec2 u = numbers.xy;
         if (specular) {
             aim.d = brdf_sample_specular(s, l, to_eye, u, aim.mirror_weight);
             aim.possible = dot(aim.d, s.geometric) > 0.0;
@@ -135,7 +142,8 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, inout Random random) {
         Lobes l = brdf_lobes(s, to_eye);
         bool specular = brdf_choose_specular(l, random);
         origin = surface_origin(s);
-        ray = trace(aim(origin, s.normal, specular, s, l, to_eye, random), origin, s.normal, specular, s, l, to_eye);
+        vec3 numbers = vec3(random_next2(random), random_next(random));
+        ray = trace(aim(origin, s.normal, specular, s, l, to_eye, numbers, random), origin, s.normal, specular, s, l, to_eye);
         if (dot(ray.d, s.geometric) <= 0.0) return sum;
         throughput *= ray.weight * (specular ? vec3(1.0 / l.specular_probability) : l.diffuse / (1.0 - l.specular_probability));
         if (max(throughput.r, max(throughput.g, throughput.b)) <= 0.0) return sum;
@@ -157,10 +165,10 @@ RealStart real_start(ivec2 p) {
     return RealStart(normal, point + normal * (off * length(point)), point + normal * 1e-4);
 }
 
-Aim real_aim(RealStart from, inout Random random) {
+Aim real_aim(ivec2 p, RealStart from, inout Random random) {
     Surface none;
     Lobes no_lobes;
-    return aim(from.off_real, from.normal, false, none, no_lobes, vec3(0.0), random);
+    return aim(from.off_real, from.normal, false, none, no_lobes, vec3(0.0), first_numbers(p, uint(REAL)), random);
 }
 
 Ray real_ray(Aim aim, RealStart from) {
@@ -178,7 +186,7 @@ float traced_share(ivec2 p) {
     if (push.history_valid == 0u || motion.z <= 0.0 || !neighbour(q)) return 1.0;
     Light last = light_unpack(imageLoad(in_light, ivec3(q, REAL)));
     light_decode(REAL, last);
-    if (last.deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, REAL))) == NO_SURFACE) return 1.0;
+    if (last.deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, NOW(REAL)))) == NO_SURFACE) return 1.0;
     const float ALL = 0.04; // a relative change above which all rays are traced
     return clamp(luminance(abs(last.b)) / (ALL * max(luminance(last.a), 1e-20)), push.least_share, 1.0);
 }

@@ -1,8 +1,9 @@
 // The panorama as a light. Directions about its centre are drawn in proportion to how much brighter than the
 // mean they are, and the density of a drawn direction is known as seen from anywhere. A cell's weight is its
 // solid angle times its luminance above the mean, so that only lamps and windows are drawn, and BRDF sampling
-// keeps the rest. `light_table.comp` fills the table: header (share of drawing lights, total weight),
-// cumulative row weights, cumulative cell weights in each row, cell weights.
+// keeps the rest. `light_table.comp` fills the table: header (share of drawing lights, total weight,
+// share of the light that the last video frame changed), cumulative row weights, cumulative cell weights in each
+// row, cell weights, cell luminances, and how these changed in the last video frame.
 layout(constant_id = 7) const uint DIRECTIONS = 2; // which strategies draw directions (`Directions` in settings.rs)
 const uint BRDF = 0u, LIGHT = 1u;
 
@@ -10,6 +11,10 @@ const ivec2 LIGHT_CELLS = ivec2(256, 128);
 const int LIGHT_ROWS_AT = 0;
 const int LIGHT_CUMULATIVE_AT = 128;
 const int LIGHT_WEIGHTS_AT = 128 + 256 * 128;
+const int LIGHT_LUMINANCES_AT = 128 + 2 * 256 * 128;
+const int LIGHT_CHANGES_AT = 128 + 3 * 256 * 128;
+
+ivec2 light_cell(vec2 uv) { return clamp(ivec2(uv * vec2(LIGHT_CELLS)), ivec2(0), LIGHT_CELLS - 1); }
 
 // Draws a direction from the panorama's centre.
 vec3 light_sample(vec2 u, vec2 within) {
@@ -33,7 +38,7 @@ vec3 light_sample(vec2 u, vec2 within) {
 
 // Returns the density of light_sample per solid angle about the centre.
 float light_density_centre(vec2 uv) {
-    ivec2 cell = clamp(ivec2(uv * vec2(LIGHT_CELLS)), ivec2(0), LIGHT_CELLS - 1);
+    ivec2 cell = light_cell(uv);
     float p = in_lights.value[LIGHT_WEIGHTS_AT + cell.y * LIGHT_CELLS.x + cell.x] / max(in_lights.total, 1e-20);
     return p * float(LIGHT_CELLS.x * LIGHT_CELLS.y) / (2.0 * PI * PI * max(circle(0.5 * uv.y).y, 1e-4));
 }

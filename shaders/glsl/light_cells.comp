@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Per video frame, light_table (first dispatch): the mean luminance of each cell. Radiance is bilinear
 // between texels, as rays see it, so a lamp's rim that reaches into neighbouring texels is drawn too.
-// In: panorama radiance. Out: lights (weights hold luminance for now).
+// In: panorama radiance. Out: lights (weights hold luminance for now; luminances, and how they changed).
 #include "common.glsl"
 #include "panorama.glsl"
 #include "light.glsl"
@@ -32,5 +32,9 @@ void main() {
             if (weight > 0.0) sum += weight * luminance(imageLoad(in_panorama_radiance, texel).rgb);
         }
     }
-    lights.value[LIGHT_WEIGHTS_AT + cell.y * LIGHT_CELLS.x + cell.x] = sum / ((to.x - from.x) * (to.y - from.y));
+    float mean = sum / ((to.x - from.x) * (to.y - from.y));
+    int at = cell.y * LIGHT_CELLS.x + cell.x;
+    float before = lights.value[LIGHT_LUMINANCES_AT + at];
+    lights.value[LIGHT_WEIGHTS_AT + at] = lights.value[LIGHT_LUMINANCES_AT + at] = mean;
+    lights.value[LIGHT_CHANGES_AT + at] = mean - before;
 }

@@ -9,21 +9,32 @@
 layout(local_size_x = 128) in;
 
 shared float row_sum[128];
-shared float row_solid_angle[128];
+shared vec2 row_changed[128]; // by how much, and what there was before
 shared float mean;
 
 void main() {
     int row = int(gl_LocalInvocationIndex);
     int weights = LIGHT_WEIGHTS_AT + row * LIGHT_CELLS.x, cumulative = LIGHT_CUMULATIVE_AT + row * LIGHT_CELLS.x;
     float solid_angle = (circle(0.5 * float(row) / float(LIGHT_CELLS.y)).x - circle(0.5 * float(row + 1) / float(LIGHT_CELLS.y)).x) * 2.0 * PI / float(LIGHT_CELLS.x);
-    float sum = 0.0;
-    for (int x = 0; x < LIGHT_CELLS.x; x++) sum += lights.value[weights + x] * solid_angle;
+    float sum = 0.0, before = 0.0, changed = 0.0;
+    for (int x = 0; x < LIGHT_CELLS.x; x++) {
+        float now = lights.value[weights + x], change = lights.value[LIGHT_CHANGES_AT + row * LIGHT_CELLS.x + x];
+        sum += now * solid_angle;
+        before += (now - change) * solid_angle;
+        changed += abs(change) * solid_angle;
+    }
     row_sum[row] = sum;
+    row_changed[row] = vec2(changed, before);
     barrier();
     if (row == 0) {
         float total = 0.0;
-        for (int r = 0; r < LIGHT_CELLS.y; r++) total += row_sum[r];
+        vec2 changed = vec2(0.0);
+        for (int r = 0; r < LIGHT_CELLS.y; r++) {
+            total += row_sum[r];
+            changed += row_changed[r];
+        }
         mean = total / (4.0 * PI);
+        lights.changed = changed.x / max(max(total, changed.y), 1e-20);
     }
     barrier();
     sum = 0.0;

@@ -2,13 +2,14 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 2, sampling_mask: chooses the pixels that are traced this frame, and lists them for real and for
 // virtual surfaces (IPRT §2, "sparse sampling mask").
-// In: tiles, guide now and a frame ago, motion, frames. Out: mask (0 nothing there, 1 traced, 2 not), list,
+// In: tiles, changes, guide now and a frame ago, motion, frames. Out: mask (0 nothing there, 1 traced, 2 not), list,
 // arguments; irradiance of pixels that nothing will fill.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
 #include "append.glsl"
 #include "tiles.glsl"
+#include "changes.glsl"
 #include "turn.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
@@ -26,6 +27,7 @@ layout(push_constant, scalar) uniform Push {
     float sharp_roughness;
     float mask_cosine;   // of the angle between normals
     float mask_distance; // from the tangent plane, relative to the distance
+    float history_change;
 } push;
 
 // Returns the rays for 16 pixels: 16 if the 3×3 neighbours leave the surface, 4 if the 5×5 do, else 1.
@@ -37,7 +39,7 @@ uint discontinuity_share(ivec2 p, int layer, uvec4 guide) {
         for (int x = -2; x <= 2; x++) {
             ivec2 q = p + ivec2(x, y);
             if (!neighbour(q)) continue;
-            uvec4 other = imageLoad(in_guide, ivec3(q, layer));
+            uvec4 other = imageLoad(in_guide, ivec3(q, NOW(layer)));
             bool same = guide_id(other) == guide_id(guide) && guide_off_plane(position, normal, other) <= most
                 && dot(guide_normal(other), normal) >= push.mask_cosine * (127.0 * 127.0);
             if (same) continue;
@@ -48,24 +50,30 @@ uint discontinuity_share(ivec2 p, int layer, uvec4 guide) {
     return share;
 }
 
+// Says whether a surface has so little history that each of its pixels is traced.
+bool young(ivec2 p, int layer, vec2 frames) {
+    vec2 left = min(frames, history_limit(p, layer, push.history_change));
+    return min(left.x, left.y) < float(push.short_history);
+}
+
 bool traced(ivec2 p, int layer, uvec4 guide) {
-    if (DENSE != 0u) return true;
+    if (DENSE != 0u || tile_is_dense(layer)) return true;
     if (in_turn(p, BY_DISCONTINUITY != 0u ? discontinuity_share(p, layer, guide) : in_view.view.rays_per_16)) return true;
     if (layer == VIRTUAL && guide_roughness(guide) < push.sharp_roughness) return true;
     // Newly seen surfaces trace every pixel until they have some history.
     if (push.short_history == 0u || push.history_valid == 0u) return push.short_history > 0u;
-    if (STILL != 0u) return imageLoad(in_frames, ivec3(p, layer)).x < float(push.short_history);
+    if (STILL != 0u) return young(p, layer, imageLoad(in_frames, ivec3(p, NOW(layer))).xy);
     vec4 motion = imageLoad(in_motion, ivec3(p, layer));
     if (motion.z <= 0.0) return true;
     ivec2 q = ivec2(floor(vec2(p) + 0.5 + motion.xy));
     if (history_weight(q, layer, motion, guide) == 0.0) return true;
-    return imageLoad(history_frames, ivec3(q, layer)).x < float(push.short_history);
+    return young(p, layer, imageLoad(in_frames, ivec3(q, BEFORE(layer))).xy);
 }
 
 void main() {
     ivec2 p;
     bool inside = tile_pixel(LAYER, p);
-    uvec4 guide = imageLoad(in_guide, ivec3(p, LAYER));
+    uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
     bool present = inside && in_view.view.instance_count > 0u && guide_id(guide) != NO_SURFACE;
     bool trace = present && traced(p, LAYER, guide);
     if (inside) imageStore(out_mask, ivec3(p, LAYER), vec4(present ? (trace ? 1.0 : 2.0) : 0.0));

@@ -3,7 +3,7 @@
 // Pass 1, gbuffer (third dispatch): M at silhouettes, by rays through points of the pixel. A pixel whose
 // centre is real but whose edge is virtual gets its virtual surface here, from the hit nearest to the centre.
 // In: list, camera_radiance.w; panorama, scene. Out: coverage (0…1); position, normal, motion, guide, k_V,
-// emission, hit of virtual surfaces; guide of real ones, cleared where nothing of them is seen.
+// emission, hit of virtual surfaces; guide of real ones, marked where nothing of them is seen.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -29,14 +29,16 @@ void main() {
     for (uint k = 0u; k < n; k++) {
         vec2 offset = fract(vec2(0.5) + float(k) * vec2(0.7548776662, 0.5698402910));
         vec3 d = view_direction(vec2(p) + offset);
-        SceneHit hit = scene_trace(in_view.view.position, d, FAULT == FAULT_REAL_IGNORED ? FAR : real_surface(d).t);
-        if (hit.instance == NONE) { real_count += 1.0; continue; }
+        SceneHit hit = scene_trace(in_view.view.position, d, FAR);
+        if (hit.instance == NONE || (FAULT != FAULT_REAL_IGNORED && real_surface(d).t <= hit.t)) { real_count += 1.0; continue; }
         vec2 c = offset - 0.5;
         if (dot(c, c) < nearest) { nearest = dot(c, c); best = hit; best_d = d; }
     }
-    imageStore(out_real_coverage, p, vec4(real_count / float(n)));
+    imageStore(real_coverage, p, vec4(real_count / float(n)));
     if (real_count == 0.0) {
-        imageStore(guide, ivec3(p, REAL), uvec4(0u));
+        uvec4 behind = imageLoad(guide, ivec3(p, NOW(REAL)));
+        behind.y |= HIDDEN;
+        imageStore(guide, ivec3(p, NOW(REAL)), behind);
         imageStore(out_mask, ivec3(p, REAL), vec4(0.0));
     }
     if (imageLoad(in_camera_radiance, p).w == 1.0 && nearest < FAR) {

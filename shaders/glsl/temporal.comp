@@ -2,13 +2,14 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 5, temporal: accumulation along motion vectors, with disocclusion tests. The history is clamped to the
 // mean and spread of this frame's neighbourhood.
-// In: tiles, mask, irradiance of this frame (or what atrous made of it, if it comes first), guide now and a
-// frame ago, motion, history_*. Out: accumulated a, b (w: second moment of the luminance),
+// In: tiles, changes, mask, irradiance of this frame (or what atrous made of it, if it comes first), guide now and
+// a frame ago, motion, a, b and frames of the last frame. Out: accumulated a, b (w: second moment of the luminance),
 // frames, light (a and b, with the deviations of the mean).
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
 #include "tiles.glsl"
+#include "changes.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
 #include "history.glsl"
@@ -22,24 +23,25 @@ layout(push_constant, scalar) uniform Push {
     uint history_valid;
     float clamp_spread;
     uint clamp_real; // 1: E_R is clamped, too
+    float history_change;
 } push;
 
-struct History { vec4 a; vec4 b; float frames; };
+struct History { vec4 a; vec4 b; vec2 frames; };
 
 void add(inout History sum, ivec2 q, float w) {
-    ivec3 at = ivec3(q, LAYER);
-    sum.a += w * imageLoad(history_a, at);
-    if (has_b(LAYER)) sum.b += w * imageLoad(history_b, at);
-    sum.frames += w * imageLoad(history_frames, at).x;
+    ivec3 at = ivec3(q, BEFORE(LAYER));
+    sum.a += w * imageLoad(a, at);
+    if (has_b(LAYER)) sum.b += w * imageLoad(b, at);
+    sum.frames += w * imageLoad(frames, at).xy;
 }
 
 // Returns the mean history of this surface, of length 0 if there is none.
 History reproject(ivec2 p, uvec4 guide) {
-    History old = History(vec4(0.0), vec4(0.0), 0.0);
+    History old = History(vec4(0.0), vec4(0.0), vec2(0.0));
     if (push.history_valid == 0u) return old;
-    if (STILL != 0u) { // the images of the last frame are this frame's
-        ivec3 at = ivec3(p, LAYER);
-        return History(imageLoad(a, at), has_b(LAYER) ? imageLoad(b, at) : vec4(0.0), imageLoad(frames, at).x);
+    if (STILL != 0u) {
+        ivec3 at = ivec3(p, NOW(LAYER));
+        return History(imageLoad(a, at), has_b(LAYER) ? imageLoad(b, at) : vec4(0.0), imageLoad(frames, at).xy);
     }
     vec4 motion = imageLoad(in_motion, ivec3(p, LAYER));
     if (motion.z <= 0.0) return old;
@@ -51,34 +53,34 @@ History reproject(ivec2 p, uvec4 guide) {
     [[unroll]] for (int k = 0; k < 4; k++) {
         ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
         float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
-        if (w <= 0.0 || history_weight(q, LAYER, motion, guide) == 0.0 || imageLoad(history_frames, ivec3(q, LAYER)).x <= 0.0) continue;
+        if (w <= 0.0 || history_weight(q, LAYER, motion, guide) == 0.0 || imageLoad(frames, ivec3(q, BEFORE(LAYER))).x <= 0.0) continue;
         add(old, q, w);
         total += w;
     }
-    if (total <= 0.01) return History(vec4(0.0), vec4(0.0), 0.0);
+    if (total <= 0.01) return History(vec4(0.0), vec4(0.0), vec2(0.0));
     return History(old.a / total, old.b / total, old.frames / total);
 }
 
 void main() {
     ivec2 p;
     if (!tile_pixel(LAYER, p)) return;
-    ivec3 at = ivec3(p, LAYER);
+    ivec3 at = ivec3(p, LAYER), kept = ivec3(p, NOW(LAYER));
     float mask = imageLoad(in_mask, at).x;
     if (mask == 0.0) {
-        imageStore(frames, at, vec4(0.0));
+        imageStore(frames, kept, vec4(0.0));
         return;
     }
-    uvec4 guide = imageLoad(in_guide, at);
+    uvec4 guide = imageLoad(in_guide, kept);
     Light light = light_unpack(imageLoad(in_irradiance, at));
     bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask == 1.0;
     bool known = fresh || light.deviation.x >= 0.0;
     if (!known) light = Light(vec3(0.0), vec3(0.0), vec2(0.0));
     vec2 luma = vec2(luminance(light.a), luminance(light.b)), moments = luma * luma;
-    float age = fresh ? 1.0 : known ? 0.5 : 0.0;
+    vec2 age = vec2(fresh ? 1.0 : known ? 0.5 : 0.0);
 
     vec2 limit = vec2(LAYER == REAL ? in_view.view.history_limit_real : in_view.view.history_limit, in_view.view.history_limit);
     History old = reproject(p, guide);
-    if (old.frames > 0.0) {
+    if (old.frames.x > 0.0) {
         if (CLAMP != 0u) {
             vec3 mean_a = vec3(0.0), mean_b = vec3(0.0), square_a = vec3(0.0), square_b = vec3(0.0);
             float count = 0.0;
@@ -92,7 +94,7 @@ void main() {
                     if (any(greaterThan(offset, ivec2(2))) || !neighbour(q)) continue;
                     float taken = imageLoad(in_mask, ivec3(q, LAYER)).x;
                     if (FILTERED != 0u ? taken == 0.0 : taken != 1.0) continue;
-                    if (guide_id(imageLoad(in_guide, ivec3(q, LAYER))) != guide_id(guide)) continue;
+                    if (guide_id(imageLoad(in_guide, ivec3(q, NOW(LAYER)))) != guide_id(guide)) continue;
                     Light other = light_unpack(imageLoad(in_irradiance, ivec3(q, LAYER)));
                     mean_a += other.a; square_a += other.a * other.a;
                     mean_b += other.b; square_b += other.b * other.b;
@@ -107,8 +109,9 @@ void main() {
                 old.b.rgb = clamp(old.b.rgb, mean_b - spread_b, mean_b + spread_b);
             }
         }
-        age = fresh ? min(old.frames + 1.0, max(limit.x, limit.y)) : old.frames;
-        vec2 blend = fresh ? 1.0 / max(min(vec2(age), limit), vec2(1.0)) : vec2(0.0); // an interpolated value adds nothing to a history
+        age = min(old.frames, history_limit(p, LAYER, push.history_change));
+        if (fresh) age = min(age + 1.0, limit);
+        vec2 blend = fresh ? 1.0 / max(age, vec2(1.0)) : vec2(0.0); // an interpolated value adds nothing to a history
         light.a = mix(old.a.rgb, light.a, blend.x);
         light.b = mix(old.b.rgb, light.b, blend.y);
         moments = mix(vec2(old.a.w, old.b.w), moments, blend);
@@ -116,9 +119,10 @@ void main() {
         known = true;
     }
     if (FAULT == FAULT_DRIFT) { light.a *= 1.2; light.b *= 1.2; }
-    light.deviation = sqrt(max(moments - luma * luma, vec2(0.0)) / max(min(vec2(age), limit), vec2(1.0)));
-    imageStore(a, at, vec4(light.a, moments.x));
-    if (has_b(LAYER)) imageStore(b, at, vec4(light.b, moments.y));
-    imageStore(frames, at, vec4(age));
+    // The mean of n points of a sequence errs less than that of n points by chance.
+    light.deviation = sqrt(max(moments - luma * luma, vec2(0.0)) * pow(max(min(age, limit), vec2(1.0)), vec2(-1.25)));
+    imageStore(a, kept, vec4(light.a, moments.x));
+    if (has_b(LAYER)) imageStore(b, kept, vec4(light.b, moments.y));
+    imageStore(frames, kept, vec4(age, 0.0, 0.0));
     imageStore(out_light, at, known ? light_pack(light) : LIGHT_UNKNOWN);
 }

@@ -1,26 +1,119 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 2, sampling_mask (first dispatch): the tiles that the later passes visit. While a picture stands still,
-// tiles of real surfaces take turns, and all pixels of a tile are traced in its turn.
-// In: held_tiles. Out: tiles.
+// Pass 2, sampling_mask (first dispatch): the tiles that the later passes visit, and what moving objects change in
+// each. While a picture stands still, tiles of real surfaces take turns, and all pixels of a tile are traced in
+// its turn. Where much changes, no tile waits for its turn.
+// In: held_tiles, guide, movers, lights. Out: tiles, changes.
 #include "common.glsl"
+#include "parts.glsl"
 #include "bind/images.glsl"
+#include "bind/scene.glsl"
 #include "append.glsl"
+#include "tiles.glsl"
 #include "turn.glsl"
+#include "guide.glsl"
+#include "panorama.glsl"
+#include "trace.glsl"
+#include "light.glsl"
 layout(local_size_x = 64) in;
 
-layout(push_constant, scalar) uniform Push { uint turns; } push; // 1: tiles take turns
+layout(push_constant, scalar) uniform Push {
+    uint turns; // 1: tiles take turns
+    uint history_valid;
+    float history_change;
+} push;
+
+// Points of the panorama's lamps, drawn in proportion to what they send.
+const uint LAMPS = 16u;
+shared vec4 lamp[LAMPS]; // w: 1 if it is infinitely far, and xyz its direction
+
+void find_lamps() {
+    if (OBJECT_MOTION == 0u || DIRECTIONS == BRDF) return;
+    uint k = gl_LocalInvocationIndex;
+    if (k < LAMPS && in_lights.share > 0.0) {
+        vec3 centre = light_sample(vec2((float(k) + 0.5) / float(LAMPS), fract(0.5 + float(k) * 0.6180339887)), vec2(0.5));
+        ivec2 texel;
+        float distance = surface_distance(centre, texel);
+        lamp[k] = distance > 0.0 ? vec4(centre * distance, 0.0) : vec4(centre, 1.0);
+    }
+    barrier();
+}
+
+// Returns how much a sphere takes of the light of a lamp: 1 in its shadow, 0 well outside of the penumbra.
+float shade(vec3 x, vec4 lamp, vec3 centre, float radius) {
+    vec3 way = lamp.w > 0.0 ? lamp.xyz * 1e3 : lamp.xyz - x, off = centre - x;
+    float t = clamp(dot(off, way) / max(dot(way, way), 1e-12), 0.0, 1.0);
+    return clamp(3.0 - 2.0 * distance(off, way * t) / radius, 0.0, 1.0);
+}
+
+// Returns the share of the cosine-weighted hemisphere that a sphere covers, at most about.
+float covers(vec3 x, vec3 normal, vec3 centre, float radius) {
+    vec3 off = centre - x;
+    float distance2 = dot(off, off), sine2 = min(radius * radius / max(distance2, 1e-12), 1.0);
+    float up = dot(off, normal) * inversesqrt(max(distance2, 1e-12)), sine = sqrt(sine2);
+    return sine2 * clamp(up + sine, 0.0, 1.0);
+}
+
+// Returns about how much of a point's light the moving objects changed since the last frame, relative to all of
+// it. Of its own light a moving surface loses little from one frame to the next, as it changes over half a metre.
+float change_at(vec3 x, vec3 normal, uint id) {
+    float sum = 0.0;
+    for (uint i = 0u; i < in_view.view.mover_count; i++) {
+        Mover m = in_movers.mover[i];
+        if (id == guide_object(m.id)) { sum += m.step / 0.5; continue; }
+        float part = max(covers(x, normal, m.now, m.radius), covers(x, normal, m.before, m.radius));
+        sum += part * (1.0 + m.glow) * min(1.0, 2.0 * m.step / m.radius);
+        if (DIRECTIONS == BRDF || in_lights.share <= 0.0) continue;
+        float shaded = 0.0;
+        for (uint k = 0u; k < LAMPS; k++) shaded += max(shade(x, lamp[k], m.now, m.radius), shade(x, lamp[k], m.before, m.radius));
+        sum += min(2.0 * in_lights.share, 1.0) / float(LAMPS) * shaded * min(1.0, 4.0 * m.step / m.radius);
+    }
+    return sum;
+}
+
+// Returns how much the last video frame changed a point's light: as much as the panorama changed in all, and of a
+// real surface at least as much as what it reflects.
+float video_change_at(vec3 x, uint layer) {
+    if (DIRECTIONS == BRDF || in_view.view.new_video == 0u) return 0.0;
+    if (layer == uint(VIRTUAL)) return in_lights.changed;
+    ivec2 cell = light_cell(panorama_uv(x));
+    int at = cell.y * LIGHT_CELLS.x + cell.x;
+    float now = in_lights.value[LIGHT_LUMINANCES_AT + at], change = in_lights.value[LIGHT_CHANGES_AT + at];
+    return max(in_lights.changed, abs(change) / max(max(now, now - change), 1e-20));
+}
 
 void main() {
+    find_lamps();
     uvec2 tiles = tile_count();
     uint all = tiles.x * tiles.y, index = gl_GlobalInvocationID.x, layer = index / all, k = index - layer * all;
     uint tile = in_held_tiles.item[min(index, 2u * all - 1u)];
     bool wanted = layer < 2u && k < in_held_arguments.word[min(layer, 1u) * 4u + 3u];
-    if (layer == uint(REAL) && push.turns != 0u) wanted = wanted && in_turn(ivec2(tile & 0xffffu, tile >> 16u), in_view.view.rays_per_16);
+    if (!wanted) return;
+    ivec2 at = ivec2(tile & 0xffffu, tile >> 16u);
+    bool turns = layer == uint(REAL) && push.turns != 0u, turn = turns && in_turn(at, in_view.view.rays_per_16);
+    if (OBJECT_MOTION != 0u) {
+        uint place = layer * all + uint(at.y) * tiles.x + uint(at.x);
+        vec2 change = push.history_valid != 0u ? changes.item[place].xy : vec2(0.0);
+        if (in_view.view.mover_count + in_view.view.new_video > 0u) {
+            vec2 most = vec2(0.0);
+            [[unroll]] for (int i = 0; i < 4; i++) {
+                ivec2 q = min(at * 8 + ivec2(i & 1, i >> 1) * 5 + 1, ivec2(in_view.view.size) - 1);
+                uvec4 guide = imageLoad(in_guide, ivec3(q, NOW(layer)));
+                if (guide_id(guide) != NO_SURFACE) most = max(most, vec2(video_change_at(guide_position(guide), layer), change_at(guide_position(guide), guide_normal(guide) / 127.0, guide_id(guide))));
+            }
+            change += most;
+        }
+        // Where a history keeps more than a few frames it can wait for its turn.
+        const float SOON = 8.0;
+        bool now = (change.x + change.y) * SOON > (push.history_change < FAR ? push.history_change : 0.0);
+        wanted = !turns || turn || now;
+        turn = turn && !now;
+        changes.item[place] = wanted ? vec4(vec2(0.0), change) : vec4(change, vec2(0.0));
+    } else wanted = !turns || turn;
     if (!wanted) return;
     uint total = atomicAdd(out_tile_arguments.word[layer * 4u + 3u], 1u) + 1u;
     atomicMax(out_tile_arguments.word[layer * 4u], min(total, GROUPS_PER_ROW));
     atomicMax(out_tile_arguments.word[layer * 4u + 1u], (total + GROUPS_PER_ROW - 1u) / GROUPS_PER_ROW);
     out_tile_arguments.word[layer * 4u + 2u] = 1u;
-    out_tiles.item[layer * all + total - 1u] = tile;
+    out_tiles.item[layer * all + total - 1u] = tile | (turn ? TILE_DENSE : 0u);
 }

@@ -20,6 +20,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// The folder of stored truths, unless another is given.
+const TRUTHS: &str = "truth";
+
 /// Arguments of `iprt chart`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
@@ -54,6 +57,10 @@ pub struct Args {
     /// 256; 128 for small]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1 << 20))]
     pub truth_spp: Option<u32>,
+    /// Folder of stored scene truths, which are taken where they fit the scene [default: truth, where there is
+    /// one]
+    #[arg(long, value_name = "DIR")]
+    pub truths: Option<PathBuf>,
     /// Put the tables into a Markdown document, between its marks for the sweep
     #[arg(long, value_name = "FILE")]
     pub markdown: Option<PathBuf>,
@@ -133,6 +140,7 @@ fn options(args: &Args, sweep: Sweep) -> Result<ChartOptions> {
         rounds: args.rounds.unwrap_or(if small { 2 } else { 3 }),
         model_spp: spp,
         scene_spp: spp,
+        truths: args.truths.clone().or_else(|| Path::new(TRUTHS).is_dir().then(|| TRUTHS.into())),
         points: sweep.points(),
     })
 }

@@ -3,10 +3,11 @@
 use crate::{
     Error, Result,
     image_file::{
-        read::{ColorImage, read},
+        read::{ColorImage, FileImage, read},
         write::write_png,
     },
-    measure::metrics::{Metrics, Picture, compare, flip_map},
+    measure::metrics::{Metrics, NoiseFree, Picture, compare, flip_map},
+    reference::stored,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,8 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// The picture (.exr, .png, .jpg, .hdr), or a %04d pattern with --sequence
     pub test: PathBuf,
-    /// The picture that TEST should be, or a pattern with --sequence
+    /// The picture that TEST should be, or a pattern with --sequence. With layers a and b, the independent
+    /// halves of a stored truth, it is their mean, and RMSE and relMSE are also given free of its noise
     pub truth: PathBuf,
     /// Compare only where this picture is bright (at least ½); a pattern gives each frame its own mask
     #[arg(long, value_name = "PNG")]
@@ -44,12 +46,15 @@ pub fn run(args: &Args) -> Result<()> {
     if args.sequence {
         return super::compare_sequence::run(args);
     }
-    let (test, truth) = (color(&args.test)?, color(&args.truth)?);
+    let (test, (truth, halves)) = (color(&args.test)?, truth(&args.truth)?);
     let names = [&args.test, &args.truth].map(|path| path.display().to_string());
     let test = Picture { subject: &names[0], size: test.size, texels: &test.texels };
     let truth = Picture { subject: &names[1], size: truth.size, texels: &truth.texels };
     let mask = args.mask.as_deref().map(|path| region(path, truth.size)).transpose()?;
-    let metrics = compare(test, truth, mask.as_deref(), args.exposure)?;
+    let mut metrics = compare(test, truth, mask.as_deref(), args.exposure)?;
+    if let Some([a, b]) = &halves {
+        metrics.noise_free = NoiseFree::of(test.texels, [a, b], mask.as_deref());
+    }
     if let Some(path) = &args.diff {
         write_diff(path, test, truth, args.exposure)?;
     }
@@ -85,9 +90,26 @@ pub(super) fn region(path: &Path, size: [u32; 2]) -> Result<Vec<bool>> {
     Ok(image.texels.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0 >= if image.ldr { 0.214 } else { 0.5 }).collect())
 }
 
+/// Reads a truth, and its halves if it has two.
+fn truth(path: &Path) -> Result<(ColorImage, Option<stored::Halves>)> {
+    let image = read(path)?;
+    if let FileImage::Exr(exr) = &image
+        && let Some((size, halves)) = stored::halves(&exr.layers)
+    {
+        return Ok((
+            ColorImage { size, texels: stored::mean(&halves), ldr: false, taken: None, notes: Vec::new() },
+            Some(halves),
+        ));
+    }
+    Ok((image.into_color(&path.display().to_string())?, None))
+}
+
 pub(super) fn table(m: &Metrics) -> String {
+    let free = m.noise_free.map_or(String::new(), |free| {
+        format!("  without the truth's noise: RMSE {:.5}  relMSE {:.5}", free.rmse, free.relmse)
+    });
     format!(
-        "FLIP {:.4}  PSNR {:.2} dB  SSIM {:.4}  RMSE {:.5}  relMSE {:.5}  largest {:.4}  mean ratio {:.4}  pixels {}",
+        "FLIP {:.4}  PSNR {:.2} dB  SSIM {:.4}  RMSE {:.5}  relMSE {:.5}  largest {:.4}  mean ratio {:.4}  pixels {}{free}",
         m.flip, m.psnr, m.ssim, m.rmse, m.relmse, m.max_abs, m.mean_ratio, m.pixels
     )
 }

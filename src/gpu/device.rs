@@ -319,7 +319,9 @@ impl Parts {
             (limits, features, self.device.get_device_queue(self.chosen.queue_family, 0))
         };
         let mut storage = features.map(|f| f.contains(vk::FormatFeatureFlags::STORAGE_IMAGE));
-        storage[Format::Rg32f as usize] &= self.chosen.extended_formats;
+        for extended in [Format::Rg16f, Format::Rg32f] {
+            storage[extended as usize] &= self.chosen.extended_formats;
+        }
         let shared = Shared {
             clock: Clock { valid_bits: self.chosen.timestamp_bits, period_ns: limits.timestamp_period },
             limits,

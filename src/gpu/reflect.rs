@@ -308,6 +308,7 @@ impl<'a> Shader<'a> {
                 let Operand::ImageFormat(format) = format else { return unknown() };
                 let format = match format {
                     ImageFormat::R32f => Format::R32f,
+                    ImageFormat::Rg16f => Format::Rg16f,
                     ImageFormat::Rg32f => Format::Rg32f,
                     ImageFormat::Rgba16f => Format::Rgba16f,
                     ImageFormat::Rgba32f => Format::Rgba32f,

@@ -184,6 +184,7 @@ pub(super) fn region(image: &Image, layer: u32, level: u32) -> Result<vk::Buffer
 /// Converts texels to `f32`. Components that the format lacks are 0, and integers above 2²⁴ are rounded.
 fn decode(format: Format, bytes: &[u8]) -> Vec<[f32; 4]> {
     let words = || bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
+    let halves = || bytes.chunks_exact(2).map(|b| half::f16::from_le_bytes([b[0], b[1]]).to_f32());
     let pack = |channels: usize, values: Vec<f32>| {
         let texel = |chunk: &[f32]| std::array::from_fn(|i| chunk.get(i).copied().unwrap_or(0.0));
         values.chunks_exact(channels).map(texel).collect()
@@ -193,9 +194,8 @@ fn decode(format: Format, bytes: &[u8]) -> Vec<[f32; 4]> {
         Format::Rg32f => pack(2, words().map(f32::from_le_bytes).collect()),
         Format::Rgba32f => pack(4, words().map(f32::from_le_bytes).collect()),
         Format::Rgba8 => pack(4, bytes.iter().map(|&code| f32::from(code) / 255.0).collect()),
-        Format::Rgba16f => {
-            pack(4, bytes.chunks_exact(2).map(|b| half::f16::from_le_bytes([b[0], b[1]]).to_f32()).collect())
-        }
+        Format::Rg16f => pack(2, halves().collect()),
+        Format::Rgba16f => pack(4, halves().collect()),
         Format::R32u => pack(1, words().map(|b| u32::from_le_bytes(b) as f32).collect()),
         Format::Rgba32u => pack(4, words().map(|b| u32::from_le_bytes(b) as f32).collect()),
     }

@@ -93,7 +93,7 @@ impl FrameClock {
             wall_ms: self.timed.iter().map(|sample| sample.wall_ms).collect(),
             passes: passes.into_iter().map(|(name, mut ms)| (name, quantile(&mut ms, 0.5))).collect(),
             prepare_ms: once.filter_map(|name| renderer.prepared().pass(name)).sum(),
-            scores: None,
+            scores: Vec::new(),
         }
     }
 }
@@ -109,12 +109,27 @@ pub struct Round {
     pub passes: BTreeMap<String, f64>,
     /// GPU milliseconds of the upload of a video frame and of the passes that run once for it.
     pub prepare_ms: f64,
-    /// Scores of the still picture, with another seed in each round. `None` if the round has too few frames
-    /// for it.
-    pub scores: Option<Scores>,
+    /// Scores of the pictures that the round looks at, with another seed in each round.
+    pub scores: Vec<RoundScores>,
+}
+
+/// The scores of a picture of one round.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RoundScores {
+    /// Number of frames, including the picture's own.
+    pub frames: u32,
+    /// Whether the scene moved during these frames.
+    pub moving: bool,
+    /// The scores against both truths.
+    pub scores: Scores,
 }
 
 impl Round {
+    /// The scores of the picture after that many frames, if the round looked at it.
+    pub fn scores_of(&self, frames: u32, moving: bool) -> Option<&Scores> {
+        self.scores.iter().find(|own| (own.frames, own.moving) == (frames, moving)).map(|own| &own.scores)
+    }
+
     /// Median GPU milliseconds of a frame; 0 if none was timed.
     pub fn median_ms(&self) -> f64 {
         median(self.frame_ms.iter().copied())

@@ -38,6 +38,37 @@ pub struct Metrics {
     pub mean_ratio: f64,
     /// Number of pixels in the region.
     pub pixels: u64,
+    /// What is left without the truth's own noise, if the truth has two independent halves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_free: Option<NoiseFree>,
+}
+
+/// Errors without the truth's own noise. Instead of (x − T)² they average (x − A)·(x − B) over two independent
+/// halves A and B of the truth: where x is right, the expected value is 0, however noisy the halves are.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NoiseFree {
+    /// Root of the mean product; 0 if chance makes the mean negative.
+    pub rmse: f64,
+    /// Mean of the product over (T² + 0.01), with T the mean of both halves. Chance can make it negative.
+    pub relmse: f64,
+}
+
+impl NoiseFree {
+    /// Compares a picture with both halves, over the pixels where `mask` is true or over all pixels. All have
+    /// the same size. The result is `None` for a region without a pixel.
+    pub fn of(test: &[[f32; 4]], [a, b]: [&[[f32; 4]]; 2], mask: Option<&[bool]>) -> Option<Self> {
+        let (mut square, mut relative, mut samples) = (0.0, 0.0, 0.0);
+        for i in (0..test.len()).filter(|i| mask.is_none_or(|mask| mask[*i])) {
+            for c in 0..3 {
+                let [x, a, b] = [test, a, b].map(|texels| f64::from(texels[i][c]));
+                let (product, truth) = ((x - a) * (x - b), 0.5 * (a + b));
+                square += product;
+                relative += product / (truth * truth + 0.01);
+                samples += 1.0;
+            }
+        }
+        (samples > 0.0).then(|| Self { rmse: (square / samples).max(0.0).sqrt(), relmse: relative / samples })
+    }
 }
 
 impl Metrics {
@@ -55,6 +86,7 @@ impl Metrics {
             max_abs: frames.iter().fold(first.max_abs, |a, b| a.max(b.max_abs)),
             mean_ratio: mean(|m| m.mean_ratio),
             pixels: frames.iter().map(|m| m.pixels).sum(),
+            noise_free: None,
         })
     }
 }
@@ -143,6 +175,7 @@ fn over(
         max_abs: largest,
         mean_ratio: if sum_truth == 0.0 && sum_test == 0.0 { 1.0 } else { sum_test / sum_truth },
         pixels: inside.len() as u64,
+        noise_free: None,
     })
 }
 
@@ -271,6 +304,29 @@ mod tests {
         let (x, y) = (0.735_357_f64, 0.537_099_f64);
         let expected = (2.0 + (2.0 * x * y + 1e-4) / (x * x + y * y + 1e-4)) / 3.0;
         assert!((m.ssim - expected).abs() < 1e-4, "{} instead of {expected}", m.ssim);
+    }
+
+    #[test]
+    fn noise_of_the_truth_is_no_error() {
+        // Both halves are noisy, with noise of 0.1 that differs. The second picture is 0.02 too bright.
+        let truth = scene();
+        let noise = |seed: u32| {
+            let value = |i: usize| (i as u32 ^ seed.wrapping_mul(0x9E37_79B9)).wrapping_mul(0x85EB_CA6B);
+            let wave = move |i: usize| if (value(i) ^ (value(i) >> 15)).count_ones() % 2 == 0 { 0.1 } else { -0.1 };
+            truth.iter().enumerate().map(move |(i, t)| t.map(|v| v + wave(i))).collect::<Vec<_>>()
+        };
+        let (a, b) = (noise(1), noise(2));
+        let brighter: Vec<_> = truth.iter().map(|t| t.map(|v| v + 0.02)).collect();
+        let free = |test: &[[f32; 4]]| NoiseFree::of(test, [&a, &b], None).expect("pixels");
+        assert!(metrics(&truth, &a).rmse > 0.099);
+        assert!(free(&truth).rmse < 0.03 && free(&truth).relmse.abs() < 0.01, "{:?}", free(&truth));
+        let gained = free(&brighter).rmse.powi(2) - free(&truth).rmse.powi(2);
+        assert!(gained > 0.0 && free(&brighter).rmse < 0.045, "{gained}, {:?}", free(&brighter));
+        // Without noise it is the plain error.
+        let exact = NoiseFree::of(&brighter, [&truth, &truth], None).expect("pixels");
+        let plain = metrics(&brighter, &truth);
+        assert!((exact.rmse - plain.rmse).abs() < 1e-9 && (exact.relmse - plain.relmse).abs() < 1e-9);
+        assert_eq!(NoiseFree::of(&truth, [&a, &b], Some(&vec![false; truth.len()])), None);
     }
 
     #[test]

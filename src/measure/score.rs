@@ -6,7 +6,7 @@
 //! itself.
 
 use super::{
-    metrics::{Metrics, Picture, compare_regions},
+    metrics::{Metrics, NoiseFree, Picture, compare_regions},
     regions::Regions,
 };
 use crate::{
@@ -96,7 +96,9 @@ impl TruthKind {
 pub struct Yardstick {
     /// Linear radiance.
     pub radiance: Vec<[f32; 4]>,
-    /// The score of one half of the truth against the other half. Each half has half of the samples.
+    /// Two independent estimates of it, with half of the samples each.
+    pub halves: [Vec<[f32; 4]>; 2],
+    /// The score of one half of the truth against the other half.
     pub noise: Score,
 }
 
@@ -106,8 +108,7 @@ impl Yardstick {
     /// # Errors
     /// Fails if the regions have another size, or if a radiance is not finite.
     pub fn of_model(truth: &Truth, regions: &Regions, exposure: f32) -> Result<Self> {
-        let noise = score(truth.size, &truth.halves[0], &truth.halves[1], regions, exposure)?;
-        Ok(Self { radiance: truth.radiance.clone(), noise })
+        Self::new(truth.size, truth.radiance.clone(), truth.halves.clone(), regions, exposure)
     }
 
     /// Makes a yardstick of scene truth, from the truths with the objects and without.
@@ -117,8 +118,18 @@ impl Yardstick {
     pub fn of_scene(view: &RealView, truths: [&Truth; 2], regions: &Regions, exposure: f32) -> Result<Self> {
         let [with, without] = truths;
         let halves = [0, 1].map(|i| relit(view, &with.halves[i], &without.halves[i]));
-        let noise = score(with.size, &halves[0], &halves[1], regions, exposure)?;
-        Ok(Self { radiance: relit(view, &with.radiance, &without.radiance), noise })
+        Self::new(with.size, relit(view, &with.radiance, &without.radiance), halves, regions, exposure)
+    }
+
+    fn new(
+        size: [u32; 2],
+        radiance: Vec<[f32; 4]>,
+        halves: [Vec<[f32; 4]>; 2],
+        regions: &Regions,
+        exposure: f32,
+    ) -> Result<Self> {
+        let noise = score(size, &halves[0], &halves[1], regions, exposure)?;
+        Ok(Self { radiance, halves, noise })
     }
 
     /// Makes a yardstick of the picture without objects. It is exact, and it has only one region.
@@ -127,7 +138,7 @@ impl Yardstick {
     /// Fails if a radiance is not finite.
     pub fn of_nothing(view: &RealView, size: [u32; 2], regions: &Regions, exposure: f32) -> Result<Self> {
         let radiance = view.camera_radiance.clone();
-        Ok(Self { noise: score(size, &radiance, &radiance, regions, exposure)?, radiance })
+        Self::new(size, radiance.clone(), [radiance.clone(), radiance], regions, exposure)
     }
 
     /// Scores a picture of linear radiance.
@@ -135,7 +146,17 @@ impl Yardstick {
     /// # Errors
     /// Fails if the picture has another size, or if a radiance is not finite.
     pub fn score(&self, size: [u32; 2], picture: &[[f32; 4]], regions: &Regions, exposure: f32) -> Result<Score> {
-        score(size, picture, &self.radiance, regions, exposure)
+        let Score { mut whole, mut virtual_, mut influenced } =
+            score(size, picture, &self.radiance, regions, exposure)?;
+        let [a, b] = &self.halves;
+        let free = |mask| NoiseFree::of(picture, [a, b], mask);
+        whole.noise_free = free(None);
+        for (metrics, mask) in [(&mut virtual_, &regions.virtual_), (&mut influenced, &regions.influenced)] {
+            if let Some(metrics) = metrics {
+                metrics.noise_free = free(Some(mask));
+            }
+        }
+        Ok(Score { whole, virtual_, influenced })
     }
 }
 
@@ -320,6 +341,12 @@ mod tests {
         let scorer =
             Scorer::new(&view, found(&view, &with, &without), &noisy, Some([&with, &without]), 1.0).expect("scores");
         assert!((scorer.model.noise.whole.rmse - 0.2).abs() < 1e-6);
+        // 0.5 is between the halves, so that nothing but noise speaks against it; 0.7 is off by 0.2.
+        let free = |v: f32| {
+            let score = scorer.score(&grey(|_| v)).expect("scores").model.whole;
+            score.noise_free.expect("two halves").rmse
+        };
+        assert!(free(0.5) == 0.0 && (free(0.7) - 0.03f64.sqrt()).abs() < 1e-6, "{}, {}", free(0.5), free(0.7));
         assert_eq!(scorer.scene.expect("known").noise.whole.rmse, 0.0);
     }
 }

@@ -1,6 +1,9 @@
 //! Pass 6, `composite`: differential rendering with a fractional M.
 
-use super::{resources::Kernel, view::View};
+use super::{
+    resources::Kernel,
+    view::{LAYERS_FOLLOW, REAL, Role, View},
+};
 use crate::{
     Result,
     gpu::{Bind, Frame, Gpu, Image, Threads},
@@ -9,35 +12,47 @@ use crate::{
 };
 
 /// The pass that makes the picture.
-pub struct Composite(Kernel);
+pub struct Composite {
+    all: Kernel,
+    /// For each layer, over the tiles that were visited.
+    visited: Vec<(u32, Kernel)>,
+}
 
 impl Composite {
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        Ok(Self(Kernel::new::<()>(
-            gpu,
-            "composite",
-            shaders::COMPOSITE,
-            &[
+        let kernel = |layer: u32, listed: bool| {
+            let constants = [
                 ("RELIGHTING", plan.settings.relighting as u32),
+                ("LAYER", layer),
+                ("LISTED", u32::from(listed)),
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Emission),
                 plan.constant(Part::Objects),
-            ],
-        )?))
+            ];
+            Kernel::new::<()>(gpu, "composite", shaders::COMPOSITE, &constants)
+        };
+        let layers = if plan.on(Part::Objects) { Role::Picture.layers(plan) } else { &[] };
+        let visited = layers.iter().map(|layer| Ok((*layer, kernel(*layer, true)?))).collect::<Result<_>>()?;
+        Ok(Self { all: kernel(REAL, false)?, visited })
     }
 
-    /// Records the dispatch. `light` holds a and b after filtering, if the plan has any.
-    pub fn record(&self, frame: &mut Frame, view: &View, light: Option<&Image>) -> Result<()> {
+    /// Records the dispatches. `light` holds a and b after filtering, if the plan has any. `still` says that what
+    /// is real is as it was, so that only the tiles that were visited can have changed.
+    pub fn record(&self, frame: &mut Frame, view: &View, light: Option<&Image>, still: bool) -> Result<()> {
         // Without any, the stand-in for what is left out is bound.
         let light = light.map(Bind::from).or_else(|| view.resources.find("irradiance"));
         let special = light.map(|light| ("in_light", light));
-        self.0.dispatch(
-            frame,
-            special.as_slice(),
-            &[&view.resources],
-            &(),
-            Threads::Size([view.size[0], view.size[1], 1]),
-        )
+        let pools = [&view.resources];
+        if !still {
+            let threads = Threads::Size([view.size[0], view.size[1], 1]);
+            return self.all.dispatch(frame, special.as_slice(), &pools, &(), threads);
+        }
+        frame.scope("composite", |frame| {
+            self.visited.iter().try_for_each(|(layer, kernel)| {
+                frame.barrier(LAYERS_FOLLOW);
+                kernel.dispatch(frame, special.as_slice(), &pools, &(), view.tiles(*layer))
+            })
+        })
     }
 }

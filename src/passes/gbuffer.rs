@@ -24,6 +24,8 @@ pub struct Look {
 /// The pass that finds what each pixel shows.
 pub struct Gbuffer {
     centre: Kernel,
+    /// The same where real surfaces are kept from the last frame.
+    moved: Option<Kernel>,
     /// Runs if objects are in view.
     objects: Option<Objects>,
 }
@@ -64,22 +66,32 @@ impl Gbuffer {
                 surface: kernel("surface", shaders::SURFACE, &[&material])?,
             })
         };
+        let moved = || kernel("gbuffer", shaders::GBUFFER, &[&rays, &centre, &[("KEPT", 1)]]);
         Ok(Self {
             centre: kernel("gbuffer", shaders::GBUFFER, &[&rays, &centre])?,
+            moved: (in_view && plan.on(Part::Motion)).then(moved).transpose()?,
             objects: in_view.then(objects).transpose()?,
         })
     }
 
     /// Records the dispatches: for all pixels, and if objects are in view for silhouettes and for the pixels
-    /// that show objects.
-    pub fn record(&self, frame: &mut Frame, view: &View, panorama: &Resources, scene: &SceneBuffers) -> Result<()> {
+    /// that show objects. `kept` says that the images hold what is real already.
+    pub fn record(
+        &self,
+        frame: &mut Frame,
+        view: &View,
+        panorama: &Resources,
+        scene: &SceneBuffers,
+        kept: bool,
+    ) -> Result<()> {
+        let centre = self.moved.as_ref().filter(|_| kept).unwrap_or(&self.centre);
         let all = || Threads::Size([view.size[0], view.size[1], 1]);
         let pools = [&view.resources, panorama, &scene.resources];
         frame.scope("gbuffer", |frame| {
             frame.fill(&view.arguments, 0);
             frame.fill(&view.held_arguments, 0);
             frame.barrier("gbuffer counts from zero");
-            self.centre.dispatch(frame, &[], &pools, &(), all())?;
+            centre.dispatch(frame, &[], &pools, &(), all())?;
             let Some(objects) = &self.objects else { return Ok(()) };
             frame.barrier("coverage reads its neighbours' visibility");
             objects.coverage.dispatch(frame, &[], &pools, &(), all())?;

@@ -86,8 +86,11 @@ impl Irradiance {
         [relit, last]: [&Image; 2],
         since: Since,
     ) -> Result<()> {
-        let push =
-            IrradiancePush { history_valid: u32::from(since.history), still: u32::from(since.still), ..self.push };
+        let push = IrradiancePush {
+            history_valid: u32::from(since.history),
+            still: u32::from(since.still[REAL as usize]),
+            ..self.push
+        };
         let (relit, last) = (("in_relit_light", Bind::from(relit)), ("in_light", Bind::from(last)));
         let aimed = || [("in_list", Bind::from(&view.aimed)), ("in_arguments", Bind::from(&view.aimed_arguments))];
         let pools = [&view.resources, panorama, &scene.resources];

@@ -13,8 +13,8 @@ use crate::{
     shaders,
 };
 
-/// The table's size in bytes: header, row sums, cumulative cells, cells.
-pub const BYTES: u64 = 4 * (2 + CELLS[1] as u64 + 2 * CELLS[0] as u64 * CELLS[1] as u64);
+/// The table's size in bytes: header, row sums, and four arrays of cells.
+pub const BYTES: u64 = 4 * (3 + CELLS[1] as u64 + 4 * CELLS[0] as u64 * CELLS[1] as u64);
 
 pub struct LightTable {
     cells: Kernel,

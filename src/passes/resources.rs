@@ -17,14 +17,11 @@ use super::{trace_rays, view::ViewData};
 pub enum Resource {
     Buffer(Buffer),
     Image(Image),
-    /// This frame's image and the previous frame's.
-    History([Image; 2]),
     /// A stand-in of one texel for an image that is left out with this part.
     Absent(Image, Part),
 }
 
-/// Buffers and images by name. Shaders prefix `in_` or `out_` for the direction, and `history_` for the
-/// previous frame's image.
+/// Buffers and images by name. Shaders prefix `in_` or `out_` for the direction.
 #[derive(Clone, Default)]
 pub struct Resources(pub Vec<(&'static str, Resource)>);
 
@@ -52,28 +49,16 @@ impl Resources {
     pub fn image(&self, name: &str) -> Option<&Image> {
         self.0.iter().find(|(n, _)| *n == name).and_then(|(_, resource)| match resource {
             Resource::Image(image) => Some(image),
-            Resource::History([current, _]) => Some(current),
             Resource::Buffer(_) | Resource::Absent(..) => None,
         })
     }
 
-    /// Makes the current images the previous ones.
-    pub fn swap_history(&mut self) {
-        for (_, resource) in &mut self.0 {
-            if let Resource::History(pair) = resource {
-                pair.swap(0, 1);
-            }
-        }
-    }
-
     /// What a binding of this name is given.
     pub fn find(&self, binding: &str) -> Option<Bind> {
-        let previous = binding.strip_prefix("history_");
-        let name = previous.or(binding.strip_prefix("in_")).or(binding.strip_prefix("out_")).unwrap_or(binding);
+        let name = binding.strip_prefix("in_").or(binding.strip_prefix("out_")).unwrap_or(binding);
         self.0.iter().find(|(n, _)| *n == name).map(|(_, resource)| match resource {
             Resource::Buffer(buffer) => Bind::from(buffer),
             Resource::Image(image) | Resource::Absent(image, _) => Bind::from(image),
-            Resource::History(pair) => Bind::from(&pair[usize::from(previous.is_some())]),
         })
     }
 }
@@ -84,6 +69,7 @@ pub const STRUCTS: &[StructLayout] = &[
     struct_layout::<packed::TriangleShading>("TriangleShading"),
     struct_layout::<packed::Vertex>("Vertex"),
     struct_layout::<packed::Instance>("Instance"),
+    struct_layout::<packed::Mover>("Mover"),
     struct_layout::<packed::PackedMaterial>("Material"),
     struct_layout::<packed::PackedTexture>("Texture"),
     struct_layout::<packed::Light>("Light"),

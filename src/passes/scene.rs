@@ -7,7 +7,7 @@ use super::{
 use crate::{
     Result,
     gpu::{Buffer, Format, Frame, Gpu, Image},
-    scene::packed::{BvhNode, Instance, PackedInstances, PackedScene},
+    scene::packed::{BvhNode, Instance, Mover, PackedInstances, PackedScene},
 };
 use glam::Vec3;
 
@@ -15,6 +15,7 @@ pub struct SceneBuffers {
     /// What shaders read, by name.
     pub resources: Resources,
     instances: Buffer,
+    movers: Buffer,
     places: Table,
     top_nodes: Table,
 }
@@ -32,6 +33,9 @@ impl SceneBuffers {
         add("energy", gpu.buffer_with("brdf energy", &brdf_table())?);
         let top = gpu.buffer("instances", (instances * size_of::<Instance>()) as u64)?;
         add("instances", top.clone());
+        // what was there and what is there
+        let movers = gpu.buffer("movers", (2 * instances * size_of::<Mover>()) as u64)?;
+        add("movers", movers.clone());
         let triangles: Vec<_> =
             scene.triangles.iter().flat_map(|t| [t.v0, t.e1, t.e2].map(|v| v.extend(0.0))).collect();
         let triangles = Table::with(gpu, "triangles", bytemuck::cast_slice(&triangles))?;
@@ -43,11 +47,13 @@ impl SceneBuffers {
         {
             resources.add(name, Resource::Image(table.0.clone()));
         }
-        Ok(Self { resources, instances: top, places, top_nodes })
+        Ok(Self { resources, instances: top, movers, places, top_nodes })
     }
 
-    /// Records the upload of a frame's instances, which are relative to the panorama's centre.
-    pub fn upload(&self, frame: &mut Frame, state: &PackedInstances) -> Result<()> {
+    /// Records the upload of a frame's instances, which are relative to the panorama's centre, and of those that
+    /// have moved.
+    pub fn upload(&self, frame: &mut Frame, state: &PackedInstances, movers: &[Mover]) -> Result<()> {
+        frame.write_buffer(&self.movers, 0, movers)?;
         frame.write_buffer(&self.instances, 0, &state.instances)?;
         let place = |instance: &Instance| {
             let [x, y, z] = instance.world_to_object.map(|row| row.map(f32::to_bits));

@@ -38,6 +38,8 @@ gpu_struct! {
         pub pyramid_area: u32,
         pub pyramid_nodes: u32,
         pub instance_count: u32,
+        pub mover_count: u32,
+        pub new_video: u32,
         pub bounces: u32,
         pub coverage_samples: u32,
         pub rays_per_16: u32,
@@ -46,6 +48,8 @@ gpu_struct! {
         pub relit: u32,
         pub relight_size: [u32; 2],
         pub light_units: Vec2,
+        pub now: [u32; 2],
+        pub before: [u32; 2],
     }
 }
 
@@ -88,19 +92,30 @@ pub struct View {
     pub history_reset: Option<&'static str>,
     /// The viewpoint of the previous frame.
     pub previous: Option<Viewpoint>,
+    /// What is kept of each layer, real and virtual surfaces.
+    kept: [Kept; 2],
+    /// Whether images with a history hold two frames.
+    history: bool,
+}
+
+/// What a layer of a view keeps from frame to frame.
+#[derive(Clone, Debug, Default)]
+struct Kept {
     /// What the images of `gbuffer` show, and whether their motion is zero.
     shown: Option<(Shown, bool)>,
     /// How many frames with a history have shown the same since.
     still: u32,
+    /// Which of the two images of a history is this frame's.
+    turn: u32,
 }
 
-/// All that the images of `gbuffer` depend on.
+/// All that the images of `gbuffer` depend on, for one layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shown {
     pub video_frame: usize,
     /// The viewpoint, where it is not always the same.
     pub viewpoint: Option<Viewpoint>,
-    /// The rows of each object's matrix.
+    /// The rows of each object's matrix, for virtual surfaces.
     pub objects: Vec<[[f32; 4]; 3]>,
 }
 
@@ -150,7 +165,7 @@ struct Declared {
     name: &'static str,
     format: Format,
     holds: Holds,
-    /// Whether the previous frame's image is kept.
+    /// Whether the previous frame's values are kept, in layers of their own.
     history: bool,
     /// The image is left out if any of these parts is off.
     parts: &'static [Part],
@@ -198,12 +213,12 @@ impl Declared {
                 Holds::Surfaces => plan.on(Part::VirtualSurfaces),
                 Holds::Lobes => plan.on(Part::VirtualSurfaces) && plan.on(Part::Specular),
             };
-        1 + u32::from(both)
+        (1 + u32::from(both)) * if self.history && plan.on(Part::Temporal) { 2 } else { 1 }
     }
 }
 
 const DECLARED: &[Declared] = {
-    use Format::{R32f, Rgba16f, Rgba32f, Rgba32u};
+    use Format::{R32f, Rg16f, Rgba16f, Rgba32f, Rgba32u};
     use Holds::{Lobes, Pixel, Surfaces};
     use Part::{Emission, Objects, Temporal, VirtualSurfaces};
     &[
@@ -221,7 +236,7 @@ const DECLARED: &[Declared] = {
         Declared::new("irradiance", Rgba32u, Surfaces, &[Objects]).packed(),
         Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history(),
         Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history(),
-        Declared::new("frames", R32f, Surfaces, &[Objects, Temporal]).with_history(),
+        Declared::new("frames", Rg16f, Surfaces, &[Objects, Temporal]).with_history(),
         Declared::new("accumulated", Rgba32u, Surfaces, &[Objects, Temporal]).packed(),
         Declared::new("filtered", Rgba32u, Surfaces, &[Objects]).packed().at_levels(1),
         Declared::new("scratch", Rgba32u, Surfaces, &[Objects]).packed().at_levels(2),
@@ -257,12 +272,11 @@ pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
     let of = |image: &Declared| {
         let absent = image.absent(plan, role).is_some();
         let texels = if absent { 1 } else { u64::from(size[0]) * u64::from(size[1]) };
-        let frames = if image.history && plan.on(Part::Temporal) { 2 } else { 1 };
-        texels * u64::from(image.layers(plan, role)) * image.format.bytes() * frames
+        texels * u64::from(image.layers(plan, role)) * image.format.bytes()
     };
     DECLARED.iter().map(of).sum::<u64>()
         + list_bytes(plan, role, size).iter().sum::<u64>()
-        + list_bytes(plan, role, size)[1]
+        + 5 * list_bytes(plan, role, size)[1]
 }
 
 impl View {
@@ -275,13 +289,11 @@ impl View {
             let image = || gpu.image(&format!("{label} {name}"), size, layers, 1, format);
             match declared.absent(plan, role) {
                 Some(part) => resources.leave_out(gpu, name, format, part)?,
-                None if declared.history && plan.on(Part::Temporal) => {
-                    resources.add(name, Resource::History([image()?, image()?]));
-                }
                 None => resources.add(name, Resource::Image(image()?)),
             }
         }
         let [list, tiles, aimed] = list_bytes(plan, role, size);
+        let changes = gpu.buffer(&format!("{label} changes"), 4 * tiles)?;
         let arguments = gpu.buffer(&format!("{label} arguments"), 2 * ARGUMENTS)?;
         let held_arguments = gpu.buffer(&format!("{label} held tile arguments"), 2 * ARGUMENTS)?;
         let tile_arguments = gpu.buffer(&format!("{label} tile arguments"), 2 * ARGUMENTS)?;
@@ -290,6 +302,7 @@ impl View {
         let data = gpu.buffer(&format!("{label} view"), size_of::<ViewData>() as u64)?;
         resources.add("list", Resource::Buffer(gpu.buffer(&format!("{label} list"), list)?));
         resources.add("held_tiles", Resource::Buffer(gpu.buffer(&format!("{label} held tiles"), tiles)?));
+        resources.add("changes", Resource::Buffer(changes));
         resources.add("tiles", Resource::Buffer(gpu.buffer(&format!("{label} tiles"), tiles)?));
         resources.add("aimed", Resource::Buffer(aimed.clone()));
         resources.add("aimed_arguments", Resource::Buffer(aimed_arguments.clone()));
@@ -309,46 +322,77 @@ impl View {
             aimed_arguments,
             history_reset: Some("first frame"),
             previous: None,
-            shown: None,
-            still: 0,
+            kept: Default::default(),
+            history: plan.on(Part::Temporal),
         })
     }
 
-    /// Whether the previous frame showed the same.
-    pub fn shows(&self, shown: &Shown) -> bool {
-        self.shown.as_ref().is_some_and(|(known, _)| known == shown)
+    /// Whether the previous frame showed the same of a layer.
+    fn shows(&self, layer: u32, shown: &Shown) -> bool {
+        self.kept[layer as usize].shown.as_ref().is_some_and(|(known, _)| known == shown)
     }
 
-    /// Whether `gbuffer` would make the images that are there.
-    pub fn keeps(&self, shown: &Shown) -> bool {
-        self.shown.as_ref().is_some_and(|(known, motionless)| *motionless && known == shown)
+    /// Whether `gbuffer` would make what is there of a layer.
+    pub fn keeps(&self, layer: u32, shown: &Shown) -> bool {
+        self.kept[layer as usize].shown.as_ref().is_some_and(|(known, motionless)| *motionless && known == shown)
     }
 
-    /// How many frames in a row, this one included, have shown the same as the one before, with its history.
-    pub fn still_frames(&self, shown: &Shown) -> u32 {
-        if self.shows(shown) && self.history_reset.is_none() { self.still + 1 } else { 0 }
+    /// How many frames in a row, this one included, have shown the same of a layer as the one before, with its
+    /// history.
+    pub fn still_frames(&self, layer: u32, shown: &Shown) -> u32 {
+        let still = self.shows(layer, shown) && self.history_reset.is_none();
+        if still { self.kept[layer as usize].still + 1 } else { 0 }
     }
 
-    /// Makes what the last frame wrote the history of the next. In a still picture the history is the same
-    /// image, which each pass changes in place, and what `gbuffer` need not write again stays where it is.
-    pub fn begin_frame(&mut self, shown: &Shown) {
-        if self.still_frames(shown) == 0 && !self.keeps(shown) {
-            self.resources.swap_history();
+    /// Makes what the last frame wrote the history of the next. Where a layer stands still the history is the
+    /// same image, which each pass changes in place, and what `gbuffer` need not write again stays where it is.
+    pub fn begin_frame(&mut self, shown: &[Shown; 2]) {
+        for layer in [REAL, VIRTUAL] {
+            let shown = &shown[layer as usize];
+            if self.still_frames(layer, shown) == 0 && !self.keeps(layer, shown) {
+                self.kept[layer as usize].turn ^= 1;
+            }
         }
     }
 
     /// Takes down what a frame has shown.
-    pub fn end_frame(&mut self, viewpoint: Viewpoint, shown: Shown) {
-        self.still = self.still_frames(&shown);
-        let motionless = self.shows(&shown);
-        self.shown = Some((shown, motionless));
+    pub fn end_frame(&mut self, viewpoint: Viewpoint, shown: [Shown; 2]) {
+        for (layer, shown) in (0..).zip(shown) {
+            let still = self.still_frames(layer, &shown);
+            let motionless = self.shows(layer, &shown);
+            let kept = &mut self.kept[layer as usize];
+            kept.still = still;
+            kept.shown = Some((shown, motionless));
+        }
         self.previous = Some(viewpoint);
         self.history_reset = None;
     }
 
     /// Forgets what previous frames have shown.
     pub fn forget(&mut self) {
-        (self.shown, self.previous) = (None, None);
+        self.kept.iter_mut().for_each(|kept| kept.shown = None);
+        self.previous = None;
+    }
+
+    /// Tells shaders which layers of images with a history are this frame's, and which the last one's.
+    /// `shown` is what this frame shows.
+    pub fn describe(&self, data: &mut ViewData, shown: &[Shown; 2]) {
+        for layer in [REAL, VIRTUAL] {
+            let now = self.history_layer(layer);
+            let still = self.still_frames(layer, &shown[layer as usize]) > 0;
+            data.now[layer as usize] = now;
+            data.before[layer as usize] = if self.history && !still { now ^ 1 } else { now };
+        }
+    }
+
+    /// The layer of an image in which this frame has the values of real or of virtual surfaces.
+    pub fn layer(&self, image: &str, layer: u32) -> u32 {
+        let history = DECLARED.iter().any(|declared| declared.name == image && declared.history);
+        if history { self.history_layer(layer) } else { layer }
+    }
+
+    fn history_layer(&self, layer: u32) -> u32 {
+        if self.history { 2 * layer + self.kept[layer as usize].turn } else { layer }
     }
 
     /// The threads of a dispatch over the list of a layer's pixels.

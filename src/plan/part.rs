@@ -105,12 +105,12 @@ parts! {
     Temporal: "Accumulation over frames." {
         name: "temporal", setting: "temporal", off: "false", needs: Some(Part::Objects), constant: None,
         off_where: "one frame is rendered in all, the relit maps' warm-up included",
-        leaves_out: "the pass, six images and the previous frame's G-buffer",
+        leaves_out: "the pass, four images, and the previous frame's values of three and of the guide",
     }
-    Motion: "Object motion vectors, short histories, clamping." {
+    Motion: "Object motion vectors, and histories that change shortens." {
         name: "motion", setting: "motion", off: "off", needs: Some(Part::Temporal), constant: Some("OBJECT_MOTION"),
         off_where: "nothing but the camera moves and the video has one frame",
-        leaves_out: "objects' motion vectors, the clamping pipeline",
+        leaves_out: "objects' motion vectors, the search for what changes, the clamping pipeline",
     }
     SamplingMask: "Tracing a share of the pixels." {
         name: "sampling_mask", setting: "sampling_mask", off: "false", needs: Some(Part::Objects), constant: None,

@@ -6,4 +6,5 @@ pub mod capture;
 pub mod denoise;
 pub mod lights;
 pub mod path_trace;
+pub mod stored;
 pub mod truth;

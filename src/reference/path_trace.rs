@@ -163,7 +163,7 @@ impl PathTracer {
         punctual.iter_mut().for_each(|light| light.position -= centre);
         let buffers = SceneBuffers::new(gpu, scene, state.instances.len())?;
         let mut upload = gpu.frame()?;
-        buffers.upload(&mut upload, &relative_to(centre, state.clone()))?;
+        buffers.upload(&mut upload, &relative_to(centre, state.clone()), &[])?;
         upload.run()?;
         let instance_count = state.instances.len() as u32;
         let mut view = ViewData { size, seed: settings.seed, instance_count, ..Default::default() };

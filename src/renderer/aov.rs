@@ -3,9 +3,8 @@
 use super::{Renderer, filtered};
 use crate::{
     Error, Result,
-    gpu::Image,
     passes::{
-        display::Values,
+        display::{Source, Values},
         resources::Resource,
         view::{REAL, VIRTUAL, is_packed, of_surfaces},
     },
@@ -23,14 +22,19 @@ impl Renderer {
     pub fn standard_error(&self) -> Result<f64> {
         let (mut variance, mut mean) = (0.0, 0.0);
         let resources = &self.picture.resources;
-        let Some(length) = resources.image("frames") else { return Ok(0.0) };
-        for image in ["a", "b"].iter().filter_map(|name| resources.image(name)) {
-            for layer in 0..image.layers() {
-                let lengths = self.gpu.read_image(length, layer)?;
-                for ([r, g, b, moment], [frames, ..]) in self.gpu.read_image(image, layer)?.into_iter().zip(lengths) {
+        let Some(lengths) = resources.image("frames") else { return Ok(0.0) };
+        for (channel, name) in ["a", "b"].iter().enumerate() {
+            let Some(image) = resources.image(name) else { continue };
+            for layer in [REAL, VIRTUAL].map(|layer| self.picture.layer(name, layer)) {
+                if layer >= image.layers() {
+                    continue;
+                }
+                let lengths = self.gpu.read_image(lengths, layer)?;
+                for ([r, g, b, moment], frames) in self.gpu.read_image(image, layer)?.into_iter().zip(lengths) {
                     let luminance = f64::from(0.2126 * r + 0.7152 * g + 0.0722 * b);
+                    let frames = f64::from(frames[channel]);
                     if frames > 0.0 {
-                        variance += (f64::from(moment) - luminance * luminance).max(0.0) / f64::from(frames).max(1.0);
+                        variance += (f64::from(moment) - luminance * luminance).max(0.0) / frames.max(1.0);
                         mean += luminance.abs();
                     }
                 }
@@ -74,12 +78,12 @@ impl Renderer {
     /// (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`,
     /// `object_id`, and `motion` and `position` of the surface that covers more of the pixel.
     pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
-        let (image, layer, values) = self.source(name)?;
-        let mut texels = self.texels(image, layer, values)?;
+        let source = self.source(name)?;
+        let mut texels = self.texels(&source)?;
         match name {
             "object_id" => texels.iter_mut().for_each(|t| *t = [t[3], t[3], t[3], 1.0]),
-            "motion" | "position" if image.layers() > 1 => {
-                let objects = self.gpu.read_image(image, VIRTUAL)?;
+            "motion" | "position" if source.image.layers() > 1 => {
+                let objects = self.gpu.read_image(source.image, VIRTUAL)?;
                 let coverage: Vec<[f32; 4]> = self.gpu.read_image(self.picture.image("real_coverage")?, 0)?;
                 for ((seen, object), [real, ..]) in texels.iter_mut().zip(objects).zip(coverage) {
                     if real < 0.5 {
@@ -92,8 +96,8 @@ impl Renderer {
         Ok(texels)
     }
 
-    fn texels(&self, image: &Image, layer: u32, values: Values) -> Result<Vec<[f32; 4]>> {
-        let [a, b] = self.light_scales(layer);
+    fn texels(&self, source: &Source) -> Result<Vec<[f32; 4]>> {
+        let Source { image, layer, values, scales: [a, b], .. } = *source;
         let light = |texel: [f32; 8]| {
             let rgb: [f32; 3] = std::array::from_fn(|i| match values {
                 Values::A => a * texel[i],
@@ -114,13 +118,13 @@ impl Renderer {
     }
 
     /// The factors that turn a and b of a layer, as images hold them, into W/m² up to the capture's scale.
-    pub(super) fn light_scales(&self, layer: u32) -> [f32; 2] {
+    fn light_scales(&self, layer: u32) -> [f32; 2] {
         let [real, change] = self.light_units().map(f32::recip);
         [if layer == REAL { real } else { change }, change]
     }
 
-    /// The image with the values of this name, its layer, and how it holds them.
-    pub(super) fn source(&self, name: &str) -> Result<(&Image, u32, Values)> {
+    /// Where the values of this name are.
+    pub(super) fn source(&self, name: &str) -> Result<Source<'_>> {
         let resources = &self.picture.resources;
         let left_out = |part: Part| {
             let problem = format!("\"{name}\" is left out: {}", self.plan.reason(part));
@@ -152,7 +156,13 @@ impl Renderer {
             return Err(left_out(Part::Specular));
         }
         match resources.image(image) {
-            Some(found) => Ok((found, layer, values)),
+            Some(found) => Ok(Source {
+                image: found,
+                layer: self.picture.layer(image, layer),
+                values,
+                scales: self.light_scales(layer),
+                channel: (name == "object_id").then_some(3),
+            }),
             None => Err(left_out(resources.absent(image).unwrap_or(Part::Objects))),
         }
     }

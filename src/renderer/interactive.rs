@@ -66,7 +66,7 @@ impl Renderer {
             view.forget();
         }
         self.previous_time = None;
-        self.previous_objects.clear();
+        self.movers.clear();
         self.frame = 0;
     }
 
@@ -75,13 +75,6 @@ impl Renderer {
     /// # Errors
     /// Fails if there is no such image.
     pub fn shown(&self, name: &str) -> Result<Source<'_>> {
-        let (image, layer, values) = self.source(name)?;
-        Ok(Source {
-            image,
-            layer,
-            values,
-            scales: self.light_scales(layer),
-            channel: (name == "object_id").then_some(3),
-        })
+        self.source(name)
     }
 }

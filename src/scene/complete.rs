@@ -27,6 +27,9 @@ pub struct CompleteScene {
     pub exposure: f32,
     /// What is understood but not done, or was mended; one line each.
     pub warnings: Vec<String>,
+    /// A hash of all that the true scene consists of: geometry, materials, motion, camera. It depends on nothing
+    /// that this program makes of them.
+    pub content: String,
     placed: Vec<Placed>,
 }
 
@@ -48,7 +51,8 @@ impl CompleteScene {
                 "give the room a lamp (an emissive material or KHR_lights_punctual), or capture it with --unlit";
             warnings.push(format!("{name}: nothing in it shines, so that all of it is black; {remedy}"));
         }
-        Ok(Self { name: name.to_owned(), camera, packed, fps: 30.0, exposure: 1.0, warnings, placed })
+        let content = content(&camera, &all);
+        Ok(Self { name: name.to_owned(), camera, packed, fps: 30.0, exposure: 1.0, warnings, content, placed })
     }
 
     /// Returns the world box of everything at `time_seconds`, metres.
@@ -61,9 +65,46 @@ impl CompleteScene {
         f64::from(index) / self.fps
     }
 
+    /// Says whether the scene looks the same at two times, in seconds.
+    pub fn is_the_same_at(&self, a: f64, b: f64) -> bool {
+        let [a, b] = [a, b].map(|time| {
+            let state = self.at(time);
+            let places: Vec<_> = state.instances.instances.iter().map(|instance| instance.object_to_world).collect();
+            (places, state.camera)
+        });
+        a == b
+    }
+
     /// Returns camera, instances, top level and lights at `time_seconds`.
     pub fn at(&self, time_seconds: f64) -> SceneState {
         let instances = state::instances_at(&self.placed, time_seconds, time_seconds);
         SceneState { camera: self.camera.at(time_seconds), instances }
     }
+}
+
+fn content(camera: &CameraTrack, objects: &[Object]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let mut part = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes()).update(bytes);
+    };
+    part(format!("{:?} {:?} {:?}", camera.position, camera.aim, camera.fov_y_degrees).as_bytes());
+    for Object { name: _, model, placement, clip, speed } in objects {
+        for mesh in &model.meshes {
+            part(bytemuck::cast_slice(&mesh.positions));
+            part(bytemuck::cast_slice(&mesh.normals));
+            part(bytemuck::cast_slice(&mesh.uvs));
+            part(bytemuck::cast_slice(&mesh.tangents));
+            part(bytemuck::cast_slice(&mesh.triangles));
+            part(bytemuck::cast_slice(&mesh.materials));
+        }
+        for texture in &model.textures {
+            part(
+                format!("{:?} {:?} {:?} {}", texture.size, texture.encoding, texture.wrap, texture.nearest).as_bytes(),
+            );
+            part(bytemuck::cast_slice(&texture.texels));
+        }
+        let rest = (&model.materials, &model.rig, &model.lights, placement, clip, speed);
+        part(format!("{rest:?}").as_bytes());
+    }
+    hasher.finalize().to_hex()[..32].to_owned()
 }

@@ -15,6 +15,7 @@ pub mod load;
 pub mod material;
 pub mod mips;
 pub mod model;
+pub mod movers;
 pub mod pack;
 pub mod packed;
 pub mod placing;

@@ -48,6 +48,19 @@ gpu_struct! {
     }
 }
 gpu_struct! {
+    /// An instance that has moved since the last frame: spheres around it now and then, metres.
+    pub struct Mover {
+        pub now: Vec3, pub radius: f32,
+        pub before: Vec3,
+        /// The longest way that a corner of its box has gone.
+        pub step: f32,
+        /// As [`Instance::id`].
+        pub id: u32,
+        /// The greatest radiance that it emits, relative to the panorama's mean.
+        pub glow: f32,
+    }
+}
+gpu_struct! {
     /// A glTF 2.0 metallic–roughness material with KHR_materials_emissive_strength, _specular and _ior;
     /// factors are linear.
     pub struct PackedMaterial {

@@ -70,13 +70,13 @@ fn a_pass_is_added_by_the_steps_of_the_checklist() {
 
         let record = |barrier: bool| {
             let mut frame = gpu.frame()?;
-            gbuffer.record(&mut frame, &view, &panorama.resources, &objects)?;
+            gbuffer.record(&mut frame, &view, &panorama.resources, &objects, false)?;
             if barrier {
                 frame.barrier("edges reads L_cam");
             }
             edges.record(&mut frame, &view)?;
             frame.barrier("composite reads L_cam");
-            composite.record(&mut frame, &view, None)?;
+            composite.record(&mut frame, &view, None, false)?;
             frame.run()
         };
         // its accesses are the shader's, so that what is missing between it and others is found

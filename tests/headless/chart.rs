@@ -5,7 +5,7 @@ use glam::{Vec3, vec3};
 use iprt::{
     Error,
     gpu::Gpu,
-    image_file::read::read,
+    image_file::{ExrLayer, read::read, write::write_exr},
     measure::{
         chart::{Chart, ChartInput, ChartOptions, point::FILE, run, sweep::Sweep},
         choice::store::Store,
@@ -62,6 +62,7 @@ fn chart_options() -> ChartOptions {
         rounds: 2,
         model_spp: 8,
         scene_spp: 8,
+        truths: None,
         points: Sweep::Full.points().into_iter().filter(|spec| wanted.contains(&spec.name.as_str())).collect(),
     }
 }
@@ -143,7 +144,11 @@ fn points_are_measured_once_however_often_it_is_interrupted() {
 fn check_points(chart: &Chart, out: &Path) {
     for point in &chart.points {
         assert_eq!(point.rounds.len(), 2);
-        assert!(point.rounds[0].scores.is_some() && point.rounds[1].scores.is_some() && point.ms.median > 0.0);
+        // a later round looks at all pictures of a method, and at one of any other point
+        let looks = |round: usize| point.rounds[round].scores.len();
+        let again = if point.group == "method" { point.outcomes.len() } else { 1 };
+        assert_eq!((looks(0), looks(1)), (point.outcomes.len(), again), "{}", point.name);
+        assert!(point.ms.median > 0.0);
         for outcome in &point.outcomes {
             assert!(out.join(&outcome.picture).is_file() && out.join(&outcome.difference).is_file());
             assert!(outcome.scores.scene.is_some(), "the true room is known");
@@ -166,7 +171,7 @@ fn check_points(chart: &Chart, out: &Path) {
     let csv = chart.csv();
     // commas within quotes are no separators
     let columns = |line: &str| line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>();
-    assert!(csv.lines().all(|line| columns(line) == 21), "{csv}");
+    assert!(csv.lines().all(|line| columns(line) == 25), "{csv}");
 }
 
 /// Each target's choice is one of the points that a user can have, predicted from it and measured anew.
@@ -177,7 +182,8 @@ fn check_choices(chart: &Chart) {
         assert!(["iprt", "rays_per_pixel = 1"].contains(&choice.point.as_str()), "{choice:?}");
         let point = chart.point("test room", &choice.point).expect("a point");
         assert_eq!((&choice.key, choice.larger_size), (&point.key, [96, 72]));
-        let flip = |region| point.flip(7, iprt::measure::score::TruthKind::Scene, region).expect("measured");
+        let main = point.still(7).expect("a picture");
+        let flip = |region| point.flip(main, iprt::measure::score::TruthKind::Scene, region).expect("measured");
         let worst = [flip("virtual"), flip("influenced")].map(|flip| flip.high).into_iter().fold(0.0, f64::max);
         assert!(choice.predicted.flip <= worst + 1e-9 && choice.predicted.flip > 0.0, "{choice:?}");
         assert!(choice.measured.flip > 0.0 && choice.measured.flip != choice.predicted.flip, "another seed");
@@ -209,6 +215,8 @@ fn check_kept(gpu: &Gpu, case: &ChartInput, options: &ChartOptions, chart: &Char
     let mut large = chart.clone();
     large.of.main_frames = 16;
     large.points = [&chart.points[..], &chart.points, &chart.points].concat();
+    let scores = large.points.iter_mut().flat_map(|point| &mut point.rounds).flat_map(|round| &mut round.scores);
+    scores.filter(|scores| scores.frames == 7).for_each(|scores| scores.frames = 16);
     keep(&large).expect("keeps");
     let kept = asked(&[]);
     assert_eq!((kept.len(), kept[0].candidates.len()), (1, 6));
@@ -315,6 +323,47 @@ fn truths_are_kept_checked_and_made_anew_for_other_settings() {
         assert_eq!(files(cache.path()).len(), 26);
         assert_ne!(truth.halves[0], truth.halves[1]);
         assert_eq!(scene(Keep { folder: None, stop: &GO_ON }), truth);
+    });
+}
+
+#[test]
+fn stored_scene_truth_is_taken_where_it_fits() {
+    validated(|gpu| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let truths = folder.path().join("truths");
+        fs::create_dir(&truths).expect("a folder");
+        let case = case();
+        let grey = |name: &str, value: f32| ExrLayer::rgb(name, SIZE, &[[value, value, value, 1.0]; 48 * 36]);
+        let entry = |file: &str, complete: &CompleteScene| {
+            write_exr(&truths.join(file), &[grey("a", 0.4), grey("b", 0.6)]).expect("writes");
+            serde_json::json!({ "file": file, "scene": "test room", "objects": true, "time": 0.0, "size": SIZE,
+                "made_by": "somebody", "samples": 77, "content": complete.content })
+        };
+        let [with, without] = case.complete.as_ref().expect("known");
+        let list = |entries: &[serde_json::Value]| {
+            fs::write(truths.join("index.json"), serde_json::to_string(entries).expect("JSON")).expect("writes");
+            let options = ChartOptions { truths: Some(truths.clone()), points: Vec::new(), ..chart_options() };
+            let out = folder.path().join("out");
+            let mut said = String::new();
+            let mut tell = |_, what: &str| said += what;
+            let chart = run::run(gpu, std::slice::from_ref(&case), &options, &out, keep(folder.path()), &mut tell);
+            (chart.expect("a chart").scenes[0].clone(), said)
+        };
+        let both = [entry("with.exr", with), entry("without.exr", without)];
+        let (scene, said) = list(&both);
+        assert_eq!((scene.stored.as_deref(), scene.scene_spp), (Some("somebody"), 77));
+        assert!(scene.about_scene_truth().contains("stored, 77 samples a pixel by somebody"));
+        assert!(said.contains("test room, scene truth, stored, by somebody"), "{said}");
+        let rmse = scene.noise.scene.expect("known").region("virtual").expect("a ball").rmse;
+        assert!((rmse - 0.2).abs() < 1e-3, "the halves are those of the files: {rmse}");
+        // One alone is not enough, and a damaged one is an error.
+        let (scene, said) = list(&both[..1]);
+        assert!(scene.stored.is_none() && scene.scene_spp == 8 && !said.contains("stored"), "{said}");
+        fs::write(truths.join("with.exr"), "damaged").expect("writes");
+        let options = ChartOptions { truths: Some(truths.clone()), ..chart_options() };
+        let out = folder.path().join("other");
+        let error = run::run(gpu, std::slice::from_ref(&case), &options, &out, keep(folder.path()), &mut |_, _| {});
+        assert!(error.expect_err("damaged").to_string().contains("with.exr"));
     });
 }
 

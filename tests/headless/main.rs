@@ -38,6 +38,7 @@ mod samplers;
 mod scene;
 mod shapes;
 mod stability;
+mod stored;
 mod target;
 mod tracer;
 mod truth;

@@ -35,10 +35,10 @@ fn theirs(json: &str) -> Means {
 }
 
 /// Means over pixels or patches, row 0 on top, and their standard errors.
-struct Means {
-    size: [usize; 2],
-    mean: Vec<[f64; 3]>,
-    standard_error: Vec<[f64; 3]>,
+pub struct Means {
+    pub size: [usize; 2],
+    pub mean: Vec<[f64; 3]>,
+    pub standard_error: Vec<[f64; 3]>,
 }
 
 const PARTS: u32 = 32;
@@ -46,7 +46,12 @@ const PARTS: u32 = 32;
 /// A picture of ours: the mean over a run of samples, and its standard error from how parts of the run differ. Stratification over
 /// the whole run makes the true error smaller.
 fn ours(gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], samples: u32) -> Means {
-    let state = scene.at(0.0);
+    ours_at(gpu, scene, 0.0, size, [PARTS, samples])
+}
+
+/// The same at a time in seconds, from a number of parts and of samples.
+pub fn ours_at(gpu: &Gpu, scene: &CompleteScene, time: f64, size: [u32; 2], [parts, samples]: [u32; 2]) -> Means {
+    let state = scene.at(time);
     let camera = &state.camera;
     let view = Viewpoint::perspective(Vec3::ZERO, camera.rotation, camera.fov_y_degrees, size);
     let settings = PathSettings::unbiased(size, 1);
@@ -54,8 +59,8 @@ fn ours(gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], samples: u32) -> Means
         PathTracer::new(gpu, &scene.packed, &state.instances, camera.position, &view, &settings).expect("fits");
     let pixels = (size[0] * size[1]) as usize;
     let (mut before, mut square) = (vec![[0.0; 3]; pixels], vec![[0.0; 3]; pixels]);
-    for part in 1..=PARTS {
-        for _ in 0..samples / PARTS {
+    for part in 1..=parts {
+        for _ in 0..samples / parts {
             tracer.sample().expect("runs");
         }
         for (i, texel) in tracer.read().expect("reads").radiance().into_iter().enumerate() {
@@ -66,7 +71,7 @@ fn ours(gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], samples: u32) -> Means
             }
         }
     }
-    let n = f64::from(PARTS);
+    let n = f64::from(parts);
     let mean: Vec<[f64; 3]> = before.iter().map(|sum| sum.map(|x| x / n)).collect();
     let error =
         |i: usize| std::array::from_fn(|c| ((square[i][c] / n - mean[i][c].powi(2)).max(0.0) / (n - 1.0)).sqrt());
@@ -75,7 +80,7 @@ fn ours(gpu: &Gpu, scene: &CompleteScene, size: [u32; 2], samples: u32) -> Means
 
 impl Means {
     /// Means of blocks of `by`×`by` pixels.
-    fn patches(&self, by: usize) -> Self {
+    pub fn patches(&self, by: usize) -> Self {
         let size = self.size.map(|x| x / by);
         let pixels = |i: usize| {
             let (x, y) = (i % size[0] * by, i / size[0] * by);
@@ -171,11 +176,15 @@ fn metal_and_plastic_are_mitsubas() {
     });
 }
 
-/// A file of the data room; a missing one fails the test.
 fn data_room(name: &str) -> PathBuf {
+    data_file(&format!("rooms/room/{name}"))
+}
+
+/// A file of the test data; a missing one fails the test.
+pub fn data_file(name: &str) -> PathBuf {
     let root = std::env::var_os("IPRT_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let path = root.join("rooms/room").join(name);
+    let path = root.join(name);
     assert!(path.exists(), "{} is missing; set IPRT_DATA", path.display());
     path
 }

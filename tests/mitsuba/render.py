@@ -30,17 +30,17 @@ SIZE = (8, 6)
 COSINES = 512  # of the tables of directional albedo
 
 
-def directional_albedo(alpha):
-    """GGX with height-correlated Smith over COSINES values of cos theta in (0, 1]: the parts of F0 and of F90.
+def directional_albedo(alpha, cosines=COSINES, halves=(1024, 256)):
+    """GGX with height-correlated Smith over `cosines` values of cos theta in (0, 1]: the parts of F0 and of F90.
 
     The integral over half vectors h, drawn by D(h) (n.h): the weight of each is F G2 (o.h) / ((n.o) (n.h)).
     """
-    u, v = np.meshgrid((np.arange(1024) + 0.5) / 1024, (np.arange(256) + 0.5) / 256, indexing="ij")
+    u, v = np.meshgrid(*((np.arange(n) + 0.5) / n for n in halves), indexing="ij")
     cos_h = np.sqrt((1 - u) / (1 + (alpha * alpha - 1) * u))
     sin_h = np.sqrt(1 - cos_h**2)
     h = np.stack([sin_h * np.cos(np.pi * v), sin_h * np.sin(np.pi * v), cos_h])  # half a turn is enough
-    table = np.zeros((COSINES, 2))
-    for i, mu in enumerate(np.linspace(1 / COSINES, 1, COSINES)):
+    table = np.zeros((cosines, 2))
+    for i, mu in enumerate(np.linspace(1 / cosines, 1, cosines)):
         o = np.array([np.sqrt(1 - mu * mu), 0.0, mu])
         oh = np.tensordot(o, h, 1)
         ni = 2 * oh * h[2] - mu
@@ -174,6 +174,16 @@ def balls(size):
     return world
 
 
+def write_ply(path, vertices, faces):
+    """Writes positions, normals and texture coordinates, eight numbers a vertex, and triangles."""
+    properties = "".join(f"property float {p}\n" for p in ["x", "y", "z", "nx", "ny", "nz", "u", "v"])
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n{properties}"
+    header += f"element face {len(faces)}\nproperty list uchar uint vertex_indices\nend_header\n"
+    rows = np.zeros(len(faces), [("n", "u1"), ("v", "<u4", 3)])
+    rows["n"], rows["v"] = 3, faces
+    path.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
+
+
 class Glb:
     """As much of a .glb as the room needs: meshes at the origin, float arrays, Lambert or metal."""
 
@@ -182,7 +192,6 @@ class Glb:
         length = struct.unpack("<I", data[12:16])[0]
         self.json = json.loads(data[20 : 20 + length])
         self.binary = data[28 + length :]
-        assert all(set(node) <= {"name", "mesh"} for node in self.json["nodes"]), "nodes without transforms"
 
     def view(self, index):
         view = self.json["bufferViews"][index]
@@ -192,23 +201,19 @@ class Glb:
     def array(self, index):
         a = self.json["accessors"][index]
         kind = {5126: "<f4", 5125: "<u4", 5123: "<u2"}[a["componentType"]]
-        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[a["type"]]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[a["type"]]
         array = np.frombuffer(self.view(a["bufferView"]), kind, a["count"] * width, a.get("byteOffset", 0))
         return array.reshape(a["count"], width)
 
     def shapes(self, folder, compensated):
+        assert all(set(node) <= {"name", "mesh"} for node in self.json["nodes"]), "nodes without transforms"
         for node in self.json["nodes"]:
             (primitive,) = self.json["meshes"][node["mesh"]]["primitives"]
             at = primitive["attributes"]
             vertices = np.hstack([self.array(at[k]) for k in ["POSITION", "NORMAL", "TEXCOORD_0"]])
             faces = self.array(primitive["indices"]).reshape(-1, 3).astype("<u4")
             path = folder / f"{node['name']}.ply"
-            properties = "".join(f"property float {p}\n" for p in ["x", "y", "z", "nx", "ny", "nz", "u", "v"])
-            header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n{properties}"
-            header += f"element face {len(faces)}\nproperty list uchar uint vertex_indices\nend_header\n"
-            rows = np.zeros(len(faces), [("n", "u1"), ("v", "<u4", 3)])
-            rows["n"], rows["v"] = 3, faces
-            path.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
+            write_ply(path, vertices, faces)
             material = self.json["materials"][primitive["material"]]
             shape = {"type": "ply", "filename": str(path), "bsdf": self.material(material, compensated)}
             if "emissiveFactor" in material:
@@ -274,4 +279,5 @@ def main():
     print(f"mean {mean.mean():.5f}, largest standard error {100 * (error / mean).max():.3f} %")
 
 
-main()
+if __name__ == "__main__":
+    main()

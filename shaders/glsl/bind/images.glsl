@@ -1,10 +1,11 @@
-// Images and lists of a view (`DECLARED` in passes/view.rs). Passes read `in_`, write `out_`, and read the
-// previous frame's image as `history_`. A name without a prefix is both read and written. Images with layers
-// hold real surfaces in layer REAL and virtual ones in layer VIRTUAL.
+// Images and lists of a view (`DECLARED` in passes/view.rs). Passes read `in_` and write `out_`. A name without a
+// prefix is both read and written. Images with layers hold real surfaces in layer REAL and virtual ones in layer
+// VIRTUAL. Images with a history (guide, a, b, frames) hold them in NOW(layer), and the last frame's in
+// BEFORE(layer). The two are one layer where nothing moves.
 
 // xyz position (m), w distance from the camera (m; 0: no such surface).
 layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
-layout(set = 0, binding = 31, rgba32f) uniform writeonly image2DArray out_position;
+layout(set = 0, binding = 31, rgba32f) uniform image2DArray position;
 // xyz shading normal, w roughness (1 for real surfaces).
 layout(set = 0, binding = 32, rgba16f) uniform readonly image2DArray in_normal;
 layout(set = 0, binding = 33, rgba16f) uniform writeonly image2DArray out_normal;
@@ -14,23 +15,23 @@ layout(set = 0, binding = 35, rgba32f) uniform writeonly image2DArray out_motion
 // Position, normal, roughness and object of what the pixel shows, in short: see guide.glsl.
 layout(set = 0, binding = 36, rgba32ui) uniform readonly uimage2DArray in_guide;
 layout(set = 0, binding = 37, rgba32ui) uniform uimage2DArray guide;
-layout(set = 0, binding = 38, rgba32ui) uniform readonly uimage2DArray history_guide;
 // L_cam; w: 1 where the pixel's centre is real, else 0.
 layout(set = 0, binding = 39, rgba32f) uniform readonly image2D in_camera_radiance;
-layout(set = 0, binding = 40, rgba32f) uniform writeonly image2D out_camera_radiance;
+layout(set = 0, binding = 40, rgba32f) uniform image2D camera_radiance;
 // Albedo k_V of the Lambert lobe under the GGX lobe; w metallic.
 layout(set = 0, binding = 41, rgba16f) uniform readonly image2D in_albedo_virtual;
 layout(set = 0, binding = 42, rgba16f) uniform writeonly image2D out_albedo_virtual;
 // Radiance that the virtual surface emits.
 layout(set = 0, binding = 43, rgba16f) uniform readonly image2D in_emission;
 layout(set = 0, binding = 44, rgba16f) uniform writeonly image2D out_emission;
-// Instance, triangle, barycentric coordinates (float bits) of the virtual surface.
+// Instance, triangle, barycentric coordinates (float bits) of the virtual surface, or NONE and whether there was one
+// a frame ago (HAD_HIT).
 layout(set = 0, binding = 45, rgba32ui) uniform readonly uimage2D in_hit;
 layout(set = 0, binding = 46, rgba32ui) uniform writeonly uimage2D out_hit;
 layout(set = 0, binding = 64, rgba32ui) uniform uimage2D hit;
 // M, from 0 to 1.
 layout(set = 0, binding = 47, r32f) uniform readonly image2D in_real_coverage;
-layout(set = 0, binding = 48, r32f) uniform writeonly image2D out_real_coverage;
+layout(set = 0, binding = 48, r32f) uniform image2D real_coverage;
 // The picture: linear radiance, w 1.
 layout(set = 0, binding = 49, rgba32f) uniform writeonly image2D out_radiance;
 // 0 nothing to light, 1 traced, 2 not traced this frame.
@@ -43,13 +44,10 @@ layout(set = 0, binding = 53, rgba32ui) uniform readonly uimage2DArray in_irradi
 layout(set = 0, binding = 54, rgba32ui) uniform writeonly uimage2DArray out_irradiance;
 // a and b accumulated; w: second moment of the luminance.
 layout(set = 0, binding = 55, rgba32f) uniform image2DArray a;
-layout(set = 0, binding = 56, rgba32f) uniform readonly image2DArray history_a;
 layout(set = 0, binding = 57, rgba32f) uniform image2DArray b;
-layout(set = 0, binding = 58, rgba32f) uniform readonly image2DArray history_b;
-// How many frames are accumulated.
-layout(set = 0, binding = 59, r32f) uniform readonly image2DArray in_frames;
-layout(set = 0, binding = 60, r32f) uniform image2DArray frames;
-layout(set = 0, binding = 61, r32f) uniform readonly image2DArray history_frames;
+// How many frames are accumulated in a and in b.
+layout(set = 0, binding = 59, rg16f) uniform readonly image2DArray in_frames;
+layout(set = 0, binding = 60, rg16f) uniform image2DArray frames;
 // a and b accumulated or filtered, packed; the deviations are those of the mean.
 layout(set = 0, binding = 62, rgba32ui) uniform readonly uimage2DArray in_light;
 layout(set = 0, binding = 63, rgba32ui) uniform writeonly uimage2DArray out_light;
@@ -59,6 +57,10 @@ layout(set = 0, binding = 68, scalar) writeonly buffer ListWritten { uint item[]
 // Tiles of 8×8 pixels: those in which a layer holds surfaces, and of these the ones that passes visit this frame.
 layout(set = 0, binding = 75, scalar) readonly buffer HeldRead { uint item[]; } in_held_tiles;
 layout(set = 0, binding = 76, scalar) writeonly buffer HeldWritten { uint item[]; } out_held_tiles;
+// Of each tile of each layer: the shares of its light that the video and moving objects have changed since it was
+// visited last (xy), and those that they had changed when it was (zw).
+layout(set = 0, binding = 38, scalar) readonly buffer ChangesRead { vec4 item[]; } in_changes;
+layout(set = 0, binding = 56, scalar) buffer ChangesWritten { vec4 item[]; } changes;
 layout(set = 0, binding = 69, scalar) readonly buffer TilesRead { uint item[]; } in_tiles;
 layout(set = 0, binding = 70, scalar) writeonly buffer TilesWritten { uint item[]; } out_tiles;
 // Of the list of real surfaces, what aim leaves.

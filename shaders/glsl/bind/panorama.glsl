@@ -18,5 +18,5 @@ layout(set = 0, binding = 9, rgba32f) uniform writeonly image2D out_plane;
 layout(set = 0, binding = 10, rgba32ui) uniform readonly uimage2D in_pyramid;
 layout(set = 0, binding = 11, rgba32ui) uniform uimage2D pyramid;
 // The light table: see light.glsl.
-layout(set = 0, binding = 12, scalar) readonly buffer LightsRead { float share; float total; float value[]; } in_lights;
-layout(set = 0, binding = 13, scalar) buffer LightsWritten { float share; float total; float value[]; } lights;
+layout(set = 0, binding = 12, scalar) readonly buffer LightsRead { float share; float total; float changed; float value[]; } in_lights;
+layout(set = 0, binding = 13, scalar) buffer LightsWritten { float share; float total; float changed; float value[]; } lights;

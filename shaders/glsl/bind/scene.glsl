@@ -3,6 +3,7 @@
 struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
 struct Vertex { vec3 normal; vec2 uv; vec4 tangent; uint color; };
 struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint padding[2]; };
+struct Mover { vec3 now; float radius; vec3 before; float step; uint id; float glow; };
 struct Material {
     vec3 base_color; float metallic;
     vec3 emissive; float roughness;
@@ -21,6 +22,8 @@ layout(set = 0, binding = 22, scalar) readonly buffer Vertices { Vertex vertex[]
 // A node is two: least corner and leaf, greatest corner and next (`BvhNode` in scene/packed.rs).
 layout(set = 0, binding = 23, rgba32ui) uniform readonly uimage2D in_nodes;
 layout(set = 0, binding = 24, scalar) readonly buffer Instances { Instance instance[]; } in_instances;
+// What has moved since the last frame.
+layout(set = 0, binding = 81, scalar) readonly buffer Movers { Mover mover[]; } in_movers;
 layout(set = 0, binding = 25, rgba32ui) uniform readonly uimage2D in_top_nodes;
 // An instance is four: the rows of world_to_object, and the root of its bottom level.
 layout(set = 0, binding = 19, rgba32ui) uniform readonly uimage2D in_places;

@@ -25,6 +25,8 @@ struct View {
     uint pyramid_area;
     uint pyramid_nodes;
     uint instance_count;
+    uint mover_count;        // instances that have moved since the last frame
+    uint new_video;          // 1: the video frame is another than in the last frame
     uint bounces;
     uint coverage_samples;
     uint rays_per_16;
@@ -33,6 +35,8 @@ struct View {
     uint relit;
     uvec2 relight_size;
     vec2 light_units;        // factors on E_R, and on what objects change or send, in images
+    uvec2 now;               // the layers of this frame's values of real and virtual surfaces in images with a history
+    uvec2 before;            // those of the last frame's
 };
 
 layout(set = 0, binding = 0, scalar) uniform ViewBuffer { View view; } in_view;

@@ -15,7 +15,7 @@ use crate::{
             Candidate, Expected, FRAMES, Sheet, TRADED, Target, choose, error, fixed_shares, quick,
             store::{Store, given},
         },
-        clock::{FrameClock, WARM_UP, median},
+        clock::{FrameClock, Round, WARM_UP, median},
         score::{Scorer, Scores},
     },
     options::RenderOptions,
@@ -172,7 +172,8 @@ impl Chart {
         let points: Vec<&ChartPoint> = self.of_scene(&scene.name).filter(eligible).collect();
         let candidate = |point: &&ChartPoint| {
             let flip = |scores: &Scores| truth.of(scores).map(error);
-            let flips: Vec<f64> = point.rounds.iter().filter_map(|round| flip(round.scores.as_ref()?)).collect();
+            let main = |round: &Round| flip(round.scores_of(self.of.main_frames, false)?);
+            let flips: Vec<f64> = point.rounds.iter().filter_map(main).collect();
             let flip = if flips.is_empty() { f64::NAN } else { median(flips) };
             Candidate::new(point.method.clone(), own(point), &point.rounds, flip)
         };

@@ -2,7 +2,7 @@
 
 use super::{
     choices,
-    draw::{escape, group_color, pass_color, short},
+    draw::{escape, flip_text, group_color, pass_color, short},
     figure::panel_title,
     pictures::file_name,
     point::{Chart, ChartPoint, ChartScene, CostUnit},
@@ -170,12 +170,7 @@ impl Chart {
                 let _ = write!(out, "<td>{frames}{}</td>", if outcome.moving { ", moving" } else { "" });
                 for truth in &truths {
                     for region in REGIONS {
-                        let flip = truth.of(&outcome.scores).and_then(|score| score.region(region));
-                        let _ = write!(
-                            out,
-                            "<td>{}</td>",
-                            flip.map_or_else(|| "–".to_owned(), |m| format!("{:.3}", m.flip))
-                        );
+                        let _ = write!(out, "<td>{}</td>", flip_text(point.flip(outcome, *truth, region)));
                     }
                 }
                 let shown = point.still(self.of.main_frames).is_some_and(|main| main == outcome) || outcome.moving;
@@ -209,16 +204,9 @@ fn about(scene: &ChartScene) -> String {
         scene.model_spp,
         flips(TruthKind::Model, &scene.noise)
     );
+    let _ = write!(out, " {}", scene.about_scene_truth());
     if scene.floor.is_some() {
-        let _ = write!(
-            out,
-            " Scene truth: {} samples a pixel, of whose light {:.2} % was in outliers and is left out; its two halves differ by FLIP {}.",
-            scene.scene_spp,
-            100.0 * scene.outliers[1],
-            flips(TruthKind::Scene, &scene.noise)
-        );
-    } else {
-        out += " The true scene is not known.";
+        let _ = write!(out, " Its two halves differ by FLIP {}.", flips(TruthKind::Scene, &scene.noise));
     }
     let _ = write!(
         out,

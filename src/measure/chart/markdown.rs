@@ -2,7 +2,7 @@
 
 use super::{
     choices,
-    draw::short,
+    draw::{flip_text, short},
     figure,
     pictures::{Codes, file_name, strip},
     point::{Chart, ChartPoint, ChartScene, CostUnit, ScoredPicture},
@@ -14,7 +14,10 @@ use crate::{
         read::read_bytes,
         write::{make_folder, write_bytes, write_png},
     },
-    measure::score::{REGIONS, Score, TruthKind},
+    measure::{
+        clock::Spread,
+        score::{REGIONS, Score, TruthKind},
+    },
 };
 use std::{fmt::Write, path::Path};
 
@@ -126,25 +129,19 @@ impl Chart {
             percent(REGIONS[2]),
             scene.model_spp
         );
-        let _ = match known {
-            true => writeln!(
-                out,
-                ". Scene truth: {} samples a pixel; {:.1} % of its light was in outliers and is left out.\n",
-                scene.scene_spp,
-                100.0 * scene.outliers[1]
-            ),
-            false => writeln!(out, ". The true scene is not known.\n"),
-        };
+        let _ = writeln!(out, ". {}\n", scene.about_scene_truth());
         let columns = |name: &str| REGIONS.map(|region| format!(" {name}, {region} |")).concat();
         let scene_columns = if known { columns("scene") } else { String::new() };
         let _ = writeln!(out, "| method | frames | ms a frame |{}{scene_columns}", columns("model"));
         let _ = writeln!(out, "|---|---:|---:|{}", "---:|".repeat(if known { 6 } else { 3 }));
-        let mut row = |name: &str, frames: &str, ms: &str, model: Option<&Score>, truth: Option<&Score>| {
-            let model = cells(model);
-            let truth = if known { cells(truth) } else { String::new() };
-            let _ = writeln!(out, "| {name} | {frames} | {ms} |{model}{truth}");
+        let truths = if known { &[TruthKind::Model, TruthKind::Scene][..] } else { &[TruthKind::Model] };
+        let mut row = |name: &str, frames: &str, ms: &str, flip: &dyn Fn(TruthKind, &str) -> Option<Spread>| {
+            let cells =
+                truths.iter().flat_map(|truth| REGIONS.map(|region| format!(" {} |", flip_text(flip(*truth, region)))));
+            let _ = writeln!(out, "| {name} | {frames} | {ms} |{}", cells.collect::<String>());
         };
-        row("nothing inserted", "", "", Some(&scene.nothing.model), scene.nothing.scene.as_ref());
+        let once = |score: Option<&Score>, region: &str| Some(Spread::once(score?.region(region)?.flip));
+        row("nothing inserted", "", "", &|truth, region| once(truth.of(&scene.nothing), region));
         for point in self.of_scene(&scene.name) {
             // Only the main picture of a changed setting is listed.
             let told = |outcome: &&ScoredPicture| {
@@ -152,18 +149,13 @@ impl Chart {
             };
             for outcome in point.outcomes.iter().filter(told) {
                 let name = format!("`{}`{}", point.name, if outcome.moving { ", moving" } else { "" });
-                let scores = &outcome.scores;
-                row(
-                    &name,
-                    &outcome.frames.to_string(),
-                    &time(point, outcome),
-                    Some(&scores.model),
-                    scores.scene.as_ref(),
-                );
+                let flip = |truth, region: &str| point.flip(outcome, truth, region);
+                row(&name, &outcome.frames.to_string(), &time(point, outcome), &flip);
             }
         }
-        row("`reference`: the model", &scene.model_spp.to_string(), "", None, scene.floor.as_ref());
-        row("*noise of the truth*", "", "", Some(&scene.noise.model), scene.noise.scene.as_ref());
+        let floor = |truth, region: &str| once(scene.floor.as_ref().filter(|_| truth == TruthKind::Scene), region);
+        row("`reference`: the model", &scene.model_spp.to_string(), "", &floor);
+        row("*noise of the truth*", "", "", &|truth, region| once(truth.of(&scene.noise), region));
     }
 }
 
@@ -172,14 +164,6 @@ fn time(point: &ChartPoint, outcome: &ScoredPicture) -> String {
     let frames = if point.cost == CostUnit::Picture { f64::from(outcome.frames) } else { 1.0 };
     let [low, median, high] = [point.ms.low, point.ms.median, point.ms.high].map(|ms| short(ms / frames));
     format!("{median} ({low}–{high})")
-}
-
-fn cells(score: Option<&Score>) -> String {
-    let cell = |region: &&str| match score.and_then(|score| score.region(region)) {
-        Some(metrics) => format!(" {:.3} |", metrics.flip),
-        None => " – |".to_owned(),
-    };
-    REGIONS.iter().map(cell).collect()
 }
 
 /// Puts text into a document, between `<!-- chart NAME: … -->` and `<!-- end of chart NAME -->`.

@@ -9,6 +9,7 @@ use crate::{
     scene::{CompleteScene, Scene, viewpoint::Projection},
     settings::{Method, Settings},
 };
+use std::path::PathBuf;
 
 /// A scene to chart.
 #[derive(Clone, Debug)]
@@ -56,6 +57,8 @@ pub struct ChartOptions {
     pub model_spp: u32,
     /// Samples a pixel of scene truth.
     pub scene_spp: u32,
+    /// The folder of stored scene truths, if there is one. They are taken where they fit.
+    pub truths: Option<PathBuf>,
     /// The points to measure.
     pub points: Vec<PointSpec>,
 }
@@ -83,7 +86,11 @@ impl ChartOptions {
     }
 
     pub(super) fn round_work(&self, spec: &PointSpec, round: u32) -> u64 {
-        u64::from(if round == 0 { self.first_frames(spec) + self.moving_frames } else { self.again_frames(spec) })
+        u64::from(match round {
+            0 => self.first_frames(spec) + self.moving_frames,
+            _ if spec.is_method() => self.again_frames(spec) + self.moving_frames,
+            _ => self.again_frames(spec),
+        })
     }
 
     /// Number of still frames in the first round: as many as are scored, and enough to be timed.
@@ -97,12 +104,22 @@ impl ChartOptions {
         fits.or(self.frames.first().copied()).unwrap_or(1)
     }
 
-    /// Number of frames in a later round: enough to be timed, and enough for the main picture if it does not
-    /// take many.
+    /// Number of frames in a later round: enough to be timed, and enough for the pictures that it scores.
     pub fn again_frames(&self, spec: &PointSpec) -> u32 {
-        let timed = WARM_UP + TIMED;
+        self.again_looks(spec).last().copied().unwrap_or(0).max(WARM_UP + TIMED)
+    }
+
+    /// Numbers of frames after which a later round scores the still picture. A method is looked at as often as
+    /// in its first round, any other point once, if that does not take many frames.
+    pub(super) fn again_looks(&self, spec: &PointSpec) -> Vec<u32> {
         let main = self.main_frames_of(spec);
-        if main <= 2 * timed { main.max(timed) } else { timed }
+        if spec.is_method() {
+            self.frames.clone()
+        } else if main <= 2 * (WARM_UP + TIMED) {
+            vec![main]
+        } else {
+            Vec::new()
+        }
     }
 
     /// The frame number of a point's main picture: the one that its own frames end with, or the chart's.

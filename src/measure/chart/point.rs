@@ -96,6 +96,8 @@ pub struct ChartScene {
     pub model_spp: u32,
     /// Samples a pixel of each of scene truth's two pictures. It is 0 if the true scene is not known.
     pub scene_spp: u32,
+    /// What made scene truth, if it was stored and not computed by this chart.
+    pub stored: Option<String>,
     /// Shares of the luminance that were left out as outliers, of model truth and of scene truth.
     pub outliers: [f64; 2],
     /// The truths' own noise, which is the difference of two halves.
@@ -206,15 +208,11 @@ impl ChartPoint {
         self.outcomes.iter().find(|outcome| !outcome.moving && outcome.frames == frames)
     }
 
-    /// FLIP of the still picture after `main_frames`, over the rounds. Each round had its own seed.
-    pub fn flip(&self, main_frames: u32, truth: TruthKind, region: &str) -> Option<Spread> {
-        let of = |scores: &Scores| Some(truth.of(scores)?.region(region)?.flip);
-        let rounds: Vec<Vec<f64>> =
-            self.rounds.iter().filter_map(|round| Some(vec![of(round.scores.as_ref()?)?])).collect();
-        Spread::of(&rounds).or_else(|| {
-            let flip = of(&self.still(main_frames)?.scores)?;
-            Some(Spread::once(flip))
-        })
+    /// FLIP of a picture over the rounds. Each round had its own seed.
+    pub fn flip(&self, picture: &ScoredPicture, truth: TruthKind, region: &str) -> Option<Spread> {
+        let of = |scores: &Scores| Some(vec![truth.of(scores)?.region(region)?.flip]);
+        let rounds = self.rounds.iter().filter_map(|round| of(round.scores_of(picture.frames, picture.moving)?));
+        Spread::of(&rounds.collect::<Vec<_>>())
     }
 
     /// The flicker of each region, in a line for people.
@@ -230,6 +228,19 @@ impl ChartPoint {
 }
 
 impl ChartScene {
+    /// Says in a sentence where scene truth comes from.
+    pub fn about_scene_truth(&self) -> String {
+        match &self.stored {
+            _ if self.floor.is_none() => "The true scene is not known.".to_owned(),
+            Some(made_by) => format!("Scene truth: stored, {} samples a pixel by {made_by}.", self.scene_spp),
+            None => format!(
+                "Scene truth: {} samples a pixel; {:.1} % of its light was in outliers and is left out.",
+                self.scene_spp,
+                100.0 * self.outliers[1]
+            ),
+        }
+    }
+
     /// The truth that pictures are shown against: scene truth if it is known, otherwise model truth.
     pub fn best(&self) -> TruthKind {
         if self.floor.is_some() { TruthKind::Scene } else { TruthKind::Model }

@@ -18,7 +18,11 @@ use crate::{
         score::{REGIONS, RealView, Scorer, Scores, real_view},
     },
     options::RenderOptions,
-    reference::cache::{self, Keep, Truth, hash_rendered, truth_of_model, truth_of_scene},
+    reference::{
+        cache::{self, Keep, Truth, hash_rendered, truth_of_model, truth_of_scene},
+        stored::StoredTruths,
+    },
+    scene::viewpoint::Projection,
     settings::{Method, Settings},
 };
 use std::{collections::BTreeMap, path::Path};
@@ -51,14 +55,17 @@ impl<'a> PreparedScene<'a> {
         tick(0, &label);
         let mut path = || tick(PATH_WORK, &label);
         let model = truth_of_model(gpu, &input.scene, &base, &of_scene, time, options.model_spp, keep, &mut path)?;
-        let label = format!("{}, scene truth", input.name);
+        let stored = stored(input, options, time)?;
+        let source = stored.as_ref().map_or(String::new(), |(_, made_by)| format!(", stored, by {made_by}"));
+        let label = format!("{}, scene truth{source}", input.name);
         tick(0, &label);
         let mut sample = || tick(1, &label);
-        let complete = match &input.complete {
-            None => None,
-            Some([with, without]) => {
+        let (complete, stored) = match (&input.complete, stored) {
+            (_, Some((truths, made_by))) => (Some(truths), Some(made_by)),
+            (None, None) => (None, None),
+            (Some([with, without]), None) => {
                 let mut truth = |scene| truth_of_scene(gpu, scene, &base, time, options.scene_spp, keep, &mut sample);
-                Some([truth(with)?, truth(without)?])
+                (Some([truth(with)?, truth(without)?]), None)
             }
         };
         let view = real_view(gpu, &input.scene, &base, time)?;
@@ -84,6 +91,7 @@ impl<'a> PreparedScene<'a> {
             regions: REGIONS.iter().zip(regions).map(|(name, share)| ((*name).to_owned(), share)).collect(),
             model_spp: model.spp,
             scene_spp,
+            stored,
             outliers: [model.outliers, complete.as_ref().map_or(0.0, |[with, _]| with.outliers)],
             noise: Scores { model: scorer.model.noise, scene: scorer.scene.as_ref().map(|truth| truth.noise) },
             floor: model_scores.scene,
@@ -144,6 +152,17 @@ impl<'a> PreparedScene<'a> {
             folder: self.folder,
         })
     }
+}
+
+/// Finds the stored truths of a scene with objects and without, and what made them.
+fn stored(input: &ChartInput, options: &ChartOptions, time: f64) -> Result<Option<([Truth; 2], String)>> {
+    let (Some([with, without]), Some(folder)) = (&input.complete, &options.truths) else { return Ok(None) };
+    if options.projection != Projection::Perspective {
+        return Ok(None);
+    }
+    let stored = StoredTruths::open(folder)?;
+    let found = stored.find(with, options.size, time)?.zip(stored.find(without, options.size, time)?);
+    Ok(found.map(|((with, made_by), (without, _))| ([with, without], made_by.to_owned())))
 }
 
 /// Samples of the filtered truths that the regions come from. `masks` takes the same number.

@@ -11,7 +11,7 @@ use crate::{
     Result,
     gpu::Gpu,
     measure::{
-        clock::{self, FrameClock, Round, Spread, WARM_UP},
+        clock::{self, FrameClock, Round, RoundScores, Spread, WARM_UP},
         metrics::Picture,
         score::{REGIONS, Scorer},
         sequence::{self, Sequence},
@@ -56,37 +56,31 @@ pub(super) fn first(gpu: &Gpu, task: &Task, key: &str, keep: Keep) -> Result<Cha
     let Task { spec, chart, .. } = task;
     let mut renderer = renderer(gpu, task)?;
     let looks = spec.frames.map_or_else(|| chart.frames.clone(), |frames| vec![frames]);
-    let main = chart.main_frames_of(spec);
     let last = chart.first_frames(spec);
     let is_steady = |frame: u32| spec.cost == CostUnit::Frame && frame > WARM_UP && frame + TIMED > last;
     let is_read = |frame: &u32| looks.contains(frame) || is_steady(*frame) || *frame == last;
     let mut clock = FrameClock::default();
-    let (mut outcomes, mut main_scores, mut steady) = (Vec::new(), None, Vec::new());
+    let (mut outcomes, mut steady) = (Vec::new(), Vec::new());
     let mut rendered = 0;
     for frame in (1..=last).filter(is_read) {
         clock.still(&mut renderer, task.scene, task.time, frame - rendered, || task.go_on(keep))?;
         rendered = frame;
         if looks.contains(&frame) {
-            let outcome = outcome(task, &renderer, frame, false)?;
-            if frame == main {
-                main_scores = Some(outcome.scores);
-            }
-            outcomes.push(outcome);
+            outcomes.push(outcome(task, &renderer, frame, false)?);
         }
         if is_steady(frame) {
             steady.push(picture(task, &renderer)?);
         }
     }
     let memory = gpu.device_bytes();
-    let round = Round { scores: main_scores, ..clock.round(&renderer) };
+    let timed = clock.round(&renderer);
     let flicker = flicker(task, &steady)?;
-    let frames = chart.moving_frames;
-    if spec.cost == CostUnit::Frame && frames > 0 && moves(task.scene, task.time, frames) {
-        renderer.reset_history("the scene starts to move");
-        let times = (0..frames).rev().map(|left| moving_time(task.time, left));
-        clock::frames(&mut renderer, task.scene, times, &Wishes::default(), || task.go_on(keep))?;
-        outcomes.push(outcome(task, &renderer, frames, true)?);
+    if play(task, &mut renderer, keep)? {
+        outcomes.push(outcome(task, &renderer, chart.moving_frames, true)?);
     }
+    let scores =
+        outcomes.iter().map(|&ScoredPicture { frames, moving, scores, .. }| RoundScores { frames, moving, scores });
+    let round = Round { scores: scores.collect(), ..timed };
     let options = renderer.options();
     let preset = Settings::of(spec.method).values();
     let values = options.settings.values();
@@ -115,16 +109,40 @@ pub(super) fn first(gpu: &Gpu, task: &Task, key: &str, keep: Keep) -> Result<Cha
     Ok(point)
 }
 
-/// Measures a later round of a point: its times, and its main picture with another seed where that takes few
-/// frames.
+/// Plays the moving scene from a new history on. Returns whether anything moves.
+fn play(task: &Task, renderer: &mut Renderer, keep: Keep) -> Result<bool> {
+    let frames = task.chart.moving_frames;
+    if task.spec.cost != CostUnit::Frame || frames == 0 || !moves(task.scene, task.time, frames) {
+        return Ok(false);
+    }
+    renderer.reset_history("the scene starts to move");
+    let times = (0..frames).rev().map(|left| moving_time(task.time, left));
+    clock::frames(renderer, task.scene, times, &Wishes::default(), || task.go_on(keep))?;
+    Ok(true)
+}
+
+/// Measures a later round of a point: its times, and scores with another seed. Those of a method are of all its
+/// pictures, those of any other point of the main picture, where that takes few frames.
 pub(super) fn another(gpu: &Gpu, task: &Task, keep: Keep) -> Result<Round> {
     let mut renderer = renderer(gpu, task)?;
     let mut clock = FrameClock::default();
-    let (main, last) = (task.chart.main_frames_of(task.spec), task.chart.again_frames(task.spec));
-    clock.still(&mut renderer, task.scene, task.time, main.min(last), || task.go_on(keep))?;
-    let scores = if main <= last { Some(task.scorer.score(&picture(task, &renderer)?)?) } else { None };
-    clock.still(&mut renderer, task.scene, task.time, last.saturating_sub(main), || task.go_on(keep))?;
-    Ok(Round { scores, ..clock.round(&renderer) })
+    let last = task.chart.again_frames(task.spec);
+    let (mut scores, mut rendered) = (Vec::new(), 0);
+    let mut score = |renderer: &Renderer, frames: u32, moving: bool| -> Result<()> {
+        scores.push(RoundScores { frames, moving, scores: task.scorer.score(&picture(task, renderer)?)? });
+        Ok(())
+    };
+    for frame in task.chart.again_looks(task.spec) {
+        clock.still(&mut renderer, task.scene, task.time, frame - rendered, || task.go_on(keep))?;
+        rendered = frame;
+        score(&renderer, frame, false)?;
+    }
+    clock.still(&mut renderer, task.scene, task.time, last - rendered, || task.go_on(keep))?;
+    let timed = clock.round(&renderer);
+    if task.spec.is_method() && play(task, &mut renderer, keep)? {
+        score(&renderer, task.chart.moving_frames, true)?;
+    }
+    Ok(Round { scores, ..timed })
 }
 
 /// Flicker by region over the frames of a still scene. It takes two frames or more.

@@ -42,12 +42,8 @@ impl<'a> Panel<'a> {
         let chart = self.chart;
         let points = chart.points.iter().filter(|point| point.scene == self.scene.name).enumerate();
         let dot = |(index, point): (usize, &'a ChartPoint)| {
-            let error = if self.moving {
-                let flip = self.truth.of(&point.moving()?.scores)?.region(self.region)?.flip;
-                Spread::once(flip)
-            } else {
-                point.flip(chart.of.main_frames, self.truth, self.region)?
-            };
+            let picture = if self.moving { point.moving() } else { point.still(chart.of.main_frames) };
+            let error = point.flip(picture?, self.truth, self.region)?;
             (point.ms.median > 0.0).then_some(Dot { point, index, cost: point.ms, error })
         };
         points.filter_map(dot).collect()

@@ -42,7 +42,7 @@ impl Chart {
         let (mut better, mut worse) = (Vec::new(), Vec::new());
         let truth = scene.best();
         for region in &REGIONS[1..] {
-            let flip = |p: &ChartPoint| p.flip(self.of.main_frames, truth, region);
+            let flip = |p: &ChartPoint| p.flip(p.still(self.of.main_frames)?, truth, region);
             if let Some((a, b)) = flip(base).zip(flip(point)) {
                 tell(a, b, &format!("{region} pixels"), &mut better, &mut worse);
             }

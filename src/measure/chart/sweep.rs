@@ -108,7 +108,7 @@ const SMALL: &[Values] = &[
     (Method::Iprt, "directions", &["brdf"]),
     (Method::Iprt, "relight_levels", &["0"]),
     (Method::Iprt, "relight_width", &["128"]),
-    (Method::Iprt, "clamp", &["0"]),
+    (Method::Iprt, "clamp", &["1"]),
 ];
 
 const FULL: &[Values] = &[
@@ -125,9 +125,8 @@ const FULL: &[Values] = &[
     (Method::Iprt, "filter_order", &["spatial_first"]),
     (Method::Iprt, "temporal", &["false"]),
     (Method::Iprt, "history", &["8", "16", "32", "inf"]),
-    (Method::Iprt, "history_moving", &["4", "32"]),
-    (Method::Iprt, "clamp", &["0", "0.5", "2"]),
-    (Method::Iprt, "clamp_when", &["always"]),
+    (Method::Iprt, "history_change", &["0.2", "2"]),
+    (Method::Iprt, "clamp", &["0.5", "1", "2"]),
     (Method::Iprt, "normal_radius", &["1", "4"]),
     (Method::Iprt, "edge_ratio", &["0.05", "0.2"]),
     (Method::Iprt, "thickness", &["0", "0.1", "1", "inf"]),
@@ -140,6 +139,8 @@ const FULL: &[Values] = &[
     (Method::Iprt, "fill_unseen", &["true"]),
     (Method::Iprt, "coverage_samples", &["4", "64"]),
     (Method::Iprt, "relighting", &["ratio"]),
+    (Method::Paper, "history_moving", &["4", "32"]),
+    (Method::Paper, "clamp_when", &["moving"]),
     (Method::Paper, "mask_angle", &["5", "20"]),
     (Method::Paper, "mask_distance", &["0.005", "0.02"]),
     (Method::Paper, "screen_thickness", &["0.03", "0.3", "inf"]),
@@ -208,6 +209,11 @@ impl PointSpec {
             scale,
             ..Self::method(Method::Iprt)
         }
+    }
+
+    /// Whether the point is a method as it is.
+    pub fn is_method(&self) -> bool {
+        self.group == "method"
     }
 
     /// All settings of the point: the preset's, over them the scene's, and over those the point's own.

@@ -184,7 +184,7 @@ fn shadow_in_mirror(run: &Run) -> Result<Outcome> {
         }
     };
     // Each method relights what its rays meet, or not, as it does by itself.
-    let film = Film { set: Vec::new(), ..Film::still(run.size(), 16, world(true)) };
+    let film = Film { set: Vec::new(), ..Film::still(run.size(), run.count(16, 64), world(true)) };
     let as_captured = run.truth(&Film::still(run.size(), 1, world(false)), 1, 0);
     run.worst(&film, [0], |test, truth| {
         // The region is where the mirror shows something darker than before. Beside the shadow the ball's own
