@@ -115,8 +115,9 @@ pub(super) fn bending(cloud: &Cloud, value: impl Fn(usize) -> f32) -> f32 {
     deviations[deviations.len() / 2]
 }
 
-/// Depth that is this far from planes is bent. A wall taken for a piece of a sphere is 0.01 to 0.03 off.
-pub(super) const BENT: f32 = 0.008;
+/// Depth that is this far from planes is bent. A wall taken for a piece of a sphere is 0.01 to 0.03 off. Noise
+/// is no less far, but by any rule.
+pub(super) const BENT: f32 = 0.003;
 
 /// Warns of depth that cannot be what it is said to be, with the line to write. `rule` is the scene's; `None`
 /// if the depth is analytic or made in memory.
