@@ -101,7 +101,7 @@ impl Cloud {
     pub fn holes(&self) -> f32 {
         let total: f32 = self.weights.iter().sum();
         let holes: f32 = self.depth.iter().zip(&self.weights).filter(|(d, _)| **d <= 0.0).map(|(_, w)| w).sum();
-        (holes / total).max(0.0)
+        (holes / total).abs() // A sum of nothing is −0.
     }
 }
 
