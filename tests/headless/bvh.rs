@@ -236,15 +236,17 @@ fn the_check_finds_broken_trees() {
 }
 
 #[test]
-fn degenerate_triangles_and_flat_instances_are_left_out_with_a_warning() {
+fn degenerate_triangles_are_left_out_with_a_warning_and_flat_instances_are_drawn() {
     let corners = [[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::ZERO, Vec3::X, Vec3::X * 2.0], [Vec3::ONE; 3]];
     let flat = Transform { scale: Vec3::new(1.0, 0.0, 1.0), ..Transform::IDENTITY };
-    let scene = assemble(vec![object(soup(&corners), Transform::IDENTITY), object(Shape::Box.mesh(Vec3::ONE), flat)]);
-    assert_eq!(scene.packed.triangles.len(), 1 + 12);
+    let line = Transform { scale: Vec3::new(1.0, 0.0, 0.0), ..Transform::IDENTITY };
+    let boxed = |transform| object(Shape::Box.mesh(Vec3::ONE), transform);
+    let scene = assemble(vec![object(soup(&corners), Transform::IDENTITY), boxed(flat), boxed(line)]);
+    assert_eq!(scene.packed.triangles.len(), 1 + 12 + 12);
     assert!(scene.warnings.iter().any(|w| w.contains("2 triangles without area")), "{:?}", scene.warnings);
     assert!(scene.warnings.iter().any(|w| w.contains("without inverse")), "{:?}", scene.warnings);
     let state = scene.at(0.0, 0.0);
-    assert_eq!(state.instances.instances.iter().map(|i| i.id).collect::<Vec<_>>(), [1]);
+    assert_eq!(state.instances.instances.iter().map(|i| i.id).collect::<Vec<_>>(), [1, 2]);
     assert_eq!(scene.object_name(2), Some("o"));
 }
 
