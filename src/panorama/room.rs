@@ -85,8 +85,8 @@ pub fn level(cloud: &Cloud, below: bool) -> Option<Level> {
     (straight > 0.0).then(|| Level { distance: 1.0 / straight, tilt, normal: normal.to_array(), share })
 }
 
-/// How far windows of the depth are from planes when `value` is taken for 1/metres: the median deviation, as a
-/// share of the value. NaN if there are too few windows.
+/// How far windows of the depth are from planes when `value` is taken for 1/metres: the lower quartile of their
+/// deviations, as shares of the value. Most windows hold a corner of the room. NaN if there are too few windows.
 pub(super) fn bending(cloud: &Cloud, value: impl Fn(usize) -> f32) -> f32 {
     let mut deviations = Vec::new();
     let [width, height] = cloud.size;
@@ -112,7 +112,7 @@ pub(super) fn bending(cloud: &Cloud, value: impl Fn(usize) -> f32) -> f32 {
         return f32::NAN;
     }
     deviations.sort_by(f32::total_cmp);
-    deviations[deviations.len() / 2]
+    deviations[deviations.len() / 4]
 }
 
 /// Depth that is this far from planes is bent. A wall taken for a piece of a sphere is 0.01 to 0.03 off. Noise
