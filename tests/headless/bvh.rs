@@ -244,7 +244,7 @@ fn degenerate_triangles_are_left_out_with_a_warning_and_flat_instances_are_drawn
     let scene = assemble(vec![object(soup(&corners), Transform::IDENTITY), boxed(flat), boxed(line)]);
     assert_eq!(scene.packed.triangles.len(), 1 + 12 + 12);
     assert!(scene.warnings.iter().any(|w| w.contains("2 triangles without area")), "{:?}", scene.warnings);
-    assert!(scene.warnings.iter().any(|w| w.contains("without inverse")), "{:?}", scene.warnings);
+    assert!(scene.warnings.iter().any(|w| w.contains("flattened to a line")), "{:?}", scene.warnings);
     let state = scene.at(0.0, 0.0);
     assert_eq!(state.instances.instances.iter().map(|i| i.id).collect::<Vec<_>>(), [1, 2]);
     assert_eq!(scene.object_name(2), Some("o"));
