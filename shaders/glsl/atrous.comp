@@ -5,7 +5,8 @@
 // deviation of the accumulated mean, as in SVGF (Schied et al. 2017, eq. 3–5). E_R and ΔE share one set of
 // weights, taken from ΔE. The Lambert and the GGX lobe of virtual surfaces have their own, and the GGX lobe's
 // radius shrinks with roughness.
-// In: tiles, guide, light, or irradiance if the paper's order puts this before temporal; frames. Out: light.
+// In: tiles, guide, light, or irradiance if the paper's order puts this before temporal; frames. Out: light; after the
+// last level noise.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -18,12 +19,17 @@ layout(constant_id = 10) const int RADIUS = 1;
 layout(constant_id = 12) const uint RAW = 0;   // 1: the input is one frame's, and has no deviation
 layout(constant_id = 13) const uint FIRST = 1; // 1: the first level, of step 1
 
+layout(constant_id = 31) const uint HALVES = 0; // 1: the first level reads an image with a history
+layout(constant_id = 30) const uint RESTS = 0; // 1: the last level, which says how noisy a tile of real surfaces is
+
 layout(push_constant, scalar) uniform Push {
     int step_size;
     float sigma_luminance; // FAR: luminance is ignored
 } push;
 
 const float KERNEL[2][3] = float[2][3](float[3](0.5, 0.25, 0.0), float[3](0.375, 0.25, 0.0625));
+
+ivec3 input_texel(ivec2 q) { return ivec3(q, HALVES != 0u ? NOW(LAYER) : LAYER); }
 
 // Returns the deviations of the centre, smoothed over 3×3 as in SVGF.
 vec2 smooth_deviation(ivec2 p) {
@@ -33,7 +39,7 @@ vec2 smooth_deviation(ivec2 p) {
         [[unroll]] for (int x = -1; x <= 1; x++) {
             ivec2 q = p + ivec2(x, y);
             bool inside = neighbour(q);
-            vec2 deviation = unpackHalf2x16(imageLoad(in_light, ivec3(q, LAYER)).w);
+            vec2 deviation = unpackHalf2x16(imageLoad(in_light, input_texel(q)).w);
             float w = (x == 0 ? 0.5 : 0.25) * (y == 0 ? 0.5 : 0.25);
             if (!inside || deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, NOW(LAYER)))) == NO_SURFACE) continue;
             variance += w * deviation * deviation;
@@ -49,7 +55,7 @@ void main() {
     ivec3 at = ivec3(p, LAYER);
     uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
     if (guide_id(guide) == NO_SURFACE) return;
-    Light light = light_unpack(imageLoad(in_light, at));
+    Light light = light_unpack(imageLoad(in_light, input_texel(p)));
     bool known = light.deviation.x >= 0.0;
     vec3 position = guide_position(guide), normal = guide_normal(guide);
     float distance = length(position - in_view.view.position), roughness = guide_roughness(guide);
@@ -76,7 +82,7 @@ void main() {
             ivec2 q = p + ivec2(x, y) * push.step_size;
             bool inside = neighbour(q);
             uvec4 other = imageLoad(in_guide, ivec3(q, NOW(LAYER)));
-            Light there = light_unpack(imageLoad(in_light, ivec3(q, LAYER)));
+            Light there = light_unpack(imageLoad(in_light, input_texel(q)));
             float k = KERNEL[RADIUS - 1][abs(x)] * KERNEL[RADIUS - 1][abs(y)];
             if (!inside || there.deviation.x < 0.0 || guide_id(other) == NO_SURFACE) k = 0.0;
             float reach = length(vec2(x, y)) * float(push.step_size), g = k, apart = 0.0;
@@ -118,4 +124,13 @@ void main() {
         known = true;
     }
     imageStore(out_light, at, known ? light_pack(light) : LIGHT_UNKNOWN);
+    if (RESTS != 0u) {
+        // E_R errs, too, but no more than by its share of the change.
+        light_decode(LAYER, light);
+        vec2 deviation = light.deviation / in_view.view.light_units;
+        float real = luminance(light.a), change = luminance(light.b);
+        float most = (deviation.y + abs(change) * deviation.x / max(real, 1e-20)) / max(real + change, 1e-20);
+        uvec2 tile = uvec2(p) / 8u;
+        atomicMax(noise.item[tile.y * tile_count().x + tile.x], floatBitsToUint(known ? most : FAR));
+    }
 }

@@ -8,7 +8,18 @@
 #include "panorama.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;
+#include "normals.glsl"
+
+// Of the choice so far (xyz plane, w cost) and the plane that was fitted around texel t, returns the better. The
+// plane must explain the depth 1/q within the limit. A favour below 1 makes it cheaper.
+vec4 chosen(vec4 choice, ivec2 t, float favour, float limit, vec3 direction, float q) {
+    vec4 plane = imageLoad(in_plane, wrap_texel(t, ivec2(in_view.view.depth_size)) / push.spacing);
+    float e = dot(plane.xyz, direction) - q;
+    float cost = (plane.w + 0.25 * e * e + 1e-8 * q * q) * favour;
+    // Another plane must be better by more than rounding, in which drivers differ. At a crease both planes may
+    // fit exactly.
+    return plane.w < 0.0 || abs(e) > limit || cost >= 0.99 * choice.w ? choice : vec4(plane.xyz, cost);
+}
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy), size = ivec2(in_view.view.depth_size);
@@ -19,32 +30,33 @@ void main() {
     if (p.y == size.y - 1) imageStore(out_depth, p + ivec2(0, 2), vec4(pole_scale * vertex_depth(p.x, size.y)));
     float depth = vertex_depth(p.x, p.y);
     vec3 direction = vertex_direction(p.x, p.y);
-    vec3 best = direction;
-    float best_cost = FAR;
+    vec4 choice = vec4(direction, FAR);
     if (depth > 0.0) {
         float q = 1.0 / depth;
         float step_here = max(push.step_disparity, push.step_radial * q * q);
         float limit = step_here + push.relative * q;
         int offset = max(1, (2 * push.radius) / 3);
+        // The nearest plane is slightly favoured. Where each texel has its own, that always counts.
+        bool own = push.spacing == 1;
+        if (!own) {
+            ivec2 near = ((p + push.spacing / 2) / push.spacing) * push.spacing, far = near + push.spacing * ivec2(p.x < near.x ? -1 : 1, p.y < near.y ? -1 : 1);
+            choice = chosen(choice, near, 0.8, limit, direction, q);
+            choice = chosen(choice, ivec2(far.x, near.y), 1.0, limit, direction, q);
+            choice = chosen(choice, ivec2(near.x, far.y), 1.0, limit, direction, q);
+            choice = chosen(choice, far, 1.0, limit, direction, q);
+        }
         for (int y = -1; y <= 1; y++) {
             for (int x = -1; x <= 1; x++) {
-                ivec2 t = wrap_texel(p + ivec2(x * offset % size.x, y * offset), size);
-                vec4 plane = imageLoad(in_plane, t);
-                if (plane.w < 0.0) continue;
-                float e = dot(plane.xyz, direction) - q;
-                if (abs(e) > limit && !(x == 0 && y == 0)) continue;
-                // This texel's own plane is slightly favoured.
-                float cost = (plane.w + 0.25 * e * e + 1e-8 * q * q) * (x == 0 && y == 0 ? 0.8 : 1.0);
-                // Another plane must be better by more than rounding, in which drivers differ. At a crease
-                // both planes may fit exactly.
-                if (cost < 0.99 * best_cost) { best_cost = cost; best = plane.xyz; }
+                bool middle = x == 0 && y == 0;
+                if (middle && !own) continue;
+                choice = chosen(choice, p + ivec2(x * offset % size.x, y * offset), middle ? 0.8 : 1.0, middle ? FAR : limit, direction, q);
             }
         }
-        float smoothed = dot(best, direction);
-        if (step_here > 0.0 && best_cost < FAR) depth = 1.0 / clamp(smoothed, max(q - 0.75 * step_here, 0.25 * q), q + 0.75 * step_here);
+        float smoothed = dot(choice.xyz, direction);
+        if (step_here > 0.0 && choice.w < FAR) depth = 1.0 / clamp(smoothed, max(q - 0.75 * step_here, 0.25 * q), q + 0.75 * step_here);
     }
     if (FAULT == FAULT_HOLES_NEAR && depth <= 0.0) depth = 0.5;
-    vec3 normal = dot(best, best) > 0.0 ? -normalize(best) : -direction;
+    vec3 normal = dot(choice.xyz, choice.xyz) > 0.0 ? -normalize(choice.xyz) : -direction;
     imageStore(out_panorama_normal, p, vec4(to_half(normal), 0.0));
     imageStore(out_depth, p + ivec2(0, 1), vec4(depth));
 }

@@ -1,30 +1,32 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Per video frame, normals (first dispatch): a plane through each texel's neighbourhood. On the plane n·P = h
-// the inverse depth is linear in direction, 1/D = a·ω with a = n/h, so a is found by linear least squares in
-// three rounds. The first takes neighbours whose depth connects to this one's, the others those that the
+// Per video frame, normals (first dispatch): a plane through the neighbourhood of every `spacing`-th texel. On the
+// plane n.P = h the inverse depth is linear in direction, 1/D = a.w with a = n/h, so a is found by linear least
+// squares in three rounds. The first takes neighbours whose depth connects to this one's, the others those that the
 // plane so far explains. Holes are left out.
-// In: depth (m), angles. Out: plane (xyz a, 1/m; w mean squared residual of 1/D, negative: no plane).
+// In: depth (m), angles. Out: plane (xyz a, 1/m; w mean squared residual of 1/D, negative: no plane), one texel for
+// each place.
 #include "common.glsl"
 #include "panorama.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
-// tolerance is that of 1/D, absolute (1/m) and relative. radial_step is the step of radial codes, m.
-layout(push_constant, scalar) uniform Push { int radius; int stride; float step_disparity; float step_radial; float relative; } push;
+#include "normals.glsl"
 
 void main() {
-    ivec2 p = ivec2(gl_GlobalInvocationID.xy), size = ivec2(in_view.view.depth_size);
+    ivec2 size = ivec2(in_view.view.depth_size), place = ivec2(gl_GlobalInvocationID.xy), p = place * push.spacing;
     if (any(greaterThanEqual(p, size))) return;
     float depth = vertex_depth(p.x, p.y);
     if (depth <= 0.0) {
-        imageStore(out_plane, p, vec4(0.0, 0.0, 0.0, -1.0));
+        imageStore(out_plane, place, vec4(0.0, 0.0, 0.0, -1.0));
         return;
     }
     float q = 1.0 / depth;
     float step_here = max(push.step_disparity, push.step_radial * q * q);
-    vec3 w0 = vertex_direction(p.x, p.y);
-    mat3 frame = basis(w0);
-    // The normal equations in the local frame, with tangential coordinates scaled to the window.
+    // The local frame: along the row, down the column, outwards. In it a neighbour's direction follows from the
+    // difference of longitudes and from its row.
+    vec2 phi = imageLoad(in_angles, ivec2(p.x, 0)).xy, theta = imageLoad(in_angles, ivec2(p.y + 1, 1)).xy;
+    mat3 frame = mat3(phi.y, 0.0, phi.x, theta.y * phi.x, -theta.x, -theta.y * phi.y, theta.x * phi.x, theta.y, -theta.x * phi.y);
+    // The normal equations, with tangential coordinates scaled to the window.
     float scale = float(size.y) / (PI * float(push.radius));
     vec3 a = vec3(0.0);
     float residual = 0.0;
@@ -32,13 +34,18 @@ void main() {
         float sxx = 0.0, sxy = 0.0, sxz = 0.0, syy = 0.0, syz = 0.0, szz = 0.0, count = 0.0, error = 0.0;
         vec3 right = vec3(0.0);
         for (int y = -push.radius; y <= push.radius; y += push.stride) {
+            ivec2 row = wrap_texel(p + ivec2(0, y), size); // over a pole it is half a turn away
+            vec2 below = imageLoad(in_angles, ivec2(row.y + 1, 1)).xy;
+            float ring = below.x * (row.x == p.x ? 1.0 : -1.0);
+            float across = ring * theta.y, out_along = ring * theta.x;
+            float across_pole = -below.y * theta.x, out_pole = below.y * theta.y;
+            vec2 turn = push.first_turn; // (sin, cos) of the difference of longitudes
             for (int x = -push.radius; x <= push.radius; x += push.stride) {
-                ivec2 t = wrap_texel(p + ivec2(x % size.x, y), size);
-                float d = vertex_depth(t.x, t.y);
+                float d = vertex_depth(wrap_texel(row + ivec2(x % size.x, 0), size).x, row.y);
+                vec3 w = vec3(scale * ring * turn.x, scale * (across * turn.y + across_pole), out_along * turn.y + out_pole);
+                turn = vec2(turn.x * push.turn.y + turn.y * push.turn.x, turn.y * push.turn.y - turn.x * push.turn.x);
                 if (d <= 0.0) continue;
                 float qi = 1.0 / d;
-                vec3 w = vertex_direction(t.x, t.y) * frame;
-                w.xy *= scale;
                 float e = qi - (round == 0 ? q : dot(a, w));
                 float reach = max(abs(float(x)), abs(float(y)));
                 float limit = round == 0 ? 2.0 * step_here + (0.02 + 0.03 * reach) * q : (round == 1 ? 2.0 : 1.2) * step_here + push.relative * q;
@@ -61,5 +68,5 @@ void main() {
         if (round > 0) residual = error / count;
     }
     vec3 plane = frame * vec3(a.xy * scale, a.z);
-    imageStore(out_plane, p, vec4(plane, residual));
+    imageStore(out_plane, place, vec4(plane, residual));
 }

@@ -3,8 +3,8 @@
 // Pass 5, temporal: accumulation along motion vectors, with disocclusion tests. The history is clamped to the
 // mean and spread of this frame's neighbourhood.
 // In: tiles, changes, mask, irradiance of this frame (or what atrous made of it, if it comes first), guide now and
-// a frame ago, motion, a, b and frames of the last frame. Out: accumulated a, b (w: second moment of the luminance),
-// frames, light (a and b, with the deviations of the mean).
+// a frame ago, motion; of the last frame accumulated, or a and b, and frames. Out: accumulated (a and b, with the
+// deviations of the mean), frames; where halves would not do a and b (w: second moment of the luminance).
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -17,6 +17,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 1) const int LAYER = 0;
 layout(constant_id = 2) const uint CLAMP = 1;
 layout(constant_id = 27) const uint LATTICE = 0;  // 1: the mask traces every second pixel of every second row
+layout(constant_id = 31) const uint HALVES = 0;   // 1: the history is kept in accumulated, as halves
 layout(constant_id = 12) const uint FILTERED = 0; // 1: atrous came first, and every pixel counts as traced
 
 layout(push_constant, scalar) uniform Push {
@@ -26,39 +27,62 @@ layout(push_constant, scalar) uniform Push {
     float history_change;
 } push;
 
-struct History { vec4 a; vec4 b; vec2 frames; };
+// The history of a surface. `spread` holds second moments of the luminances, or with HALVES variances.
+struct History { vec3 a; vec3 b; vec2 spread; vec2 frames; };
 
-void add(inout History sum, ivec2 q, float w) {
-    ivec3 at = ivec3(q, BEFORE(LAYER));
-    sum.a += w * imageLoad(a, at);
-    if (has_b(LAYER)) sum.b += w * imageLoad(b, at);
+const History NOTHING = History(vec3(0.0), vec3(0.0), vec2(0.0), vec2(0.0));
+
+// The variance of a mean of n points of a sequence, in units of that of one point: it errs less than the mean of n
+// points by chance.
+vec2 of_mean(vec2 n) { return 1.0 / (n * sqrt(sqrt(n))); }
+
+vec2 counted(vec2 frames) {
+    vec2 limit = vec2(LAYER == REAL ? in_view.view.history_limit_real : in_view.view.history_limit, in_view.view.history_limit);
+    return max(min(frames, limit), vec2(1.0));
+}
+
+void add(inout History sum, ivec2 q, int layer, float w) {
+    ivec3 at = ivec3(q, layer);
+    if (HALVES != 0u) {
+        Light light = light_unpack(imageLoad(accumulated, at));
+        sum.a += w * light.a;
+        sum.b += w * light.b;
+        sum.spread += w * light.deviation * light.deviation; // of the mean, until it is known how many frames that is of
+    } else {
+        vec4 old_a = imageLoad(a, at), old_b = has_b(LAYER) ? imageLoad(b, at) : vec4(0.0);
+        sum.a += w * old_a.rgb;
+        sum.b += w * old_b.rgb;
+        sum.spread += w * vec2(old_a.w, old_b.w);
+    }
     sum.frames += w * imageLoad(frames, at).xy;
 }
 
 // Returns the mean history of this surface, of length 0 if there is none.
 History reproject(ivec2 p, uvec4 guide) {
-    History old = History(vec4(0.0), vec4(0.0), vec2(0.0));
+    History old = NOTHING;
     if (push.history_valid == 0u) return old;
-    if (STILL != 0u) {
-        ivec3 at = ivec3(p, NOW(LAYER));
-        return History(imageLoad(a, at), has_b(LAYER) ? imageLoad(b, at) : vec4(0.0), imageLoad(frames, at).xy);
+    float total = 1.0;
+    if (STILL != 0u) add(old, p, NOW(LAYER), 1.0);
+    else {
+        total = 0.0;
+        vec4 motion = imageLoad(in_motion, ivec3(p, LAYER));
+        if (motion.z <= 0.0) return old;
+        vec2 at = vec2(p) + motion.xy;
+        if (dot(motion.xy, motion.xy) < 1e-6) at = vec2(p); // a still pixel is not resampled
+        ivec2 i = ivec2(floor(at));
+        vec2 f = at - vec2(i);
+        [[unroll]] for (int k = 0; k < 4; k++) {
+            ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
+            float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
+            if (w <= 0.0 || history_weight(q, LAYER, motion, guide) == 0.0 || imageLoad(frames, ivec3(q, BEFORE(LAYER))).x <= 0.0) continue;
+            add(old, q, BEFORE(LAYER), w);
+            total += w;
+        }
     }
-    vec4 motion = imageLoad(in_motion, ivec3(p, LAYER));
-    if (motion.z <= 0.0) return old;
-    vec2 at = vec2(p) + motion.xy;
-    if (dot(motion.xy, motion.xy) < 1e-6) at = vec2(p); // a still pixel is not resampled
-    ivec2 i = ivec2(floor(at));
-    vec2 f = at - vec2(i);
-    float total = 0.0;
-    [[unroll]] for (int k = 0; k < 4; k++) {
-        ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
-        float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
-        if (w <= 0.0 || history_weight(q, LAYER, motion, guide) == 0.0 || imageLoad(frames, ivec3(q, BEFORE(LAYER))).x <= 0.0) continue;
-        add(old, q, w);
-        total += w;
-    }
-    if (total <= 0.01) return History(vec4(0.0), vec4(0.0), vec2(0.0));
-    return History(old.a / total, old.b / total, old.frames / total);
+    if (total <= 0.01) return NOTHING;
+    old = History(old.a / total, old.b / total, old.spread / total, old.frames / total);
+    if (HALVES != 0u) old.spread /= of_mean(counted(old.frames));
+    return old;
 }
 
 void main() {
@@ -75,10 +99,9 @@ void main() {
     bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask == 1.0;
     bool known = fresh || light.deviation.x >= 0.0;
     if (!known) light = Light(vec3(0.0), vec3(0.0), vec2(0.0));
-    vec2 luma = vec2(luminance(light.a), luminance(light.b)), moments = luma * luma;
+    vec2 luma = vec2(luminance(light.a), luminance(light.b)), spread = HALVES != 0u ? vec2(0.0) : luma * luma;
     vec2 age = vec2(fresh ? 1.0 : known ? 0.5 : 0.0);
 
-    vec2 limit = vec2(LAYER == REAL ? in_view.view.history_limit_real : in_view.view.history_limit, in_view.view.history_limit);
     History old = reproject(p, guide);
     if (old.frames.x > 0.0) {
         if (CLAMP != 0u) {
@@ -105,24 +128,28 @@ void main() {
                 mean_a /= count; mean_b /= count;
                 vec3 spread_a = push.clamp_spread * sqrt(max(square_a / count - mean_a * mean_a, vec3(0.0)));
                 vec3 spread_b = push.clamp_spread * sqrt(max(square_b / count - mean_b * mean_b, vec3(0.0)));
-                if (LAYER == VIRTUAL || push.clamp_real != 0u) old.a.rgb = clamp(old.a.rgb, mean_a - spread_a, mean_a + spread_a);
-                old.b.rgb = clamp(old.b.rgb, mean_b - spread_b, mean_b + spread_b);
+                if (LAYER == VIRTUAL || push.clamp_real != 0u) old.a = clamp(old.a, mean_a - spread_a, mean_a + spread_a);
+                old.b = clamp(old.b, mean_b - spread_b, mean_b + spread_b);
             }
         }
         age = min(old.frames, history_limit(p, LAYER, push.history_change));
-        if (fresh) age = min(age + 1.0, limit);
+        if (fresh) age = min(age + 1.0, counted(vec2(FAR)));
         vec2 blend = fresh ? 1.0 / max(age, vec2(1.0)) : vec2(0.0); // an interpolated value adds nothing to a history
-        light.a = mix(old.a.rgb, light.a, blend.x);
-        light.b = mix(old.b.rgb, light.b, blend.y);
-        moments = mix(vec2(old.a.w, old.b.w), moments, blend);
-        luma = vec2(luminance(light.a), luminance(light.b));
+        vec2 luma_old = vec2(luminance(old.a), luminance(old.b));
+        if (HALVES != 0u) spread = (1.0 - blend) * (old.spread + blend * (luma - luma_old) * (luma - luma_old));
+        else spread = mix(old.spread, spread, blend);
+        light.a = mix(old.a, light.a, blend.x);
+        light.b = mix(old.b, light.b, blend.y);
         known = true;
     }
     if (FAULT == FAULT_DRIFT) { light.a *= 1.2; light.b *= 1.2; }
-    // The mean of n points of a sequence errs less than that of n points by chance.
-    light.deviation = sqrt(max(moments - luma * luma, vec2(0.0)) * pow(max(min(age, limit), vec2(1.0)), vec2(-1.25)));
-    imageStore(a, kept, vec4(light.a, moments.x));
-    if (has_b(LAYER)) imageStore(b, kept, vec4(light.b, moments.y));
+    luma = vec2(luminance(light.a), luminance(light.b));
+    vec2 variance = HALVES != 0u ? spread : max(spread - luma * luma, vec2(0.0));
+    light.deviation = sqrt(variance * of_mean(counted(age)));
     imageStore(frames, kept, vec4(age, 0.0, 0.0));
-    imageStore(out_light, at, known ? light_pack(light) : LIGHT_UNKNOWN);
+    if (HALVES == 0u) {
+        imageStore(a, kept, vec4(light.a, spread.x));
+        if (has_b(LAYER)) imageStore(b, kept, vec4(light.b, spread.y));
+        imageStore(accumulated, at, known ? light_pack(light) : LIGHT_UNKNOWN);
+    } else imageStore(accumulated, kept, known ? light_pack_by_chance(light, hash(in_view.view.frame + hash(uint(p.x) | uint(p.y) << 16u))) : LIGHT_UNKNOWN);
 }

@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 2, sampling_mask (first dispatch): the tiles that the later passes visit, and what moving objects change in
 // each. While a picture stands still, tiles of real surfaces take turns, and all pixels of a tile are traced in
-// its turn. Where much changes, no tile waits for its turn.
-// In: held_tiles, guide, movers, lights. Out: tiles, changes.
+// its turn. Tiles with little noise left have their turn more seldom. Where much changes, no tile waits for its turn.
+// In: held_tiles, guide, movers, lights, noise. Out: tiles, changes, noise (0 where a tile is visited).
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -21,7 +21,9 @@ layout(push_constant, scalar) uniform Push {
     uint turns; // 1: tiles take turns
     uint history_valid;
     float history_change;
+    float rest_noise; // of the light
 } push;
+layout(constant_id = 30) const uint RESTS = 0; // 1: atrous tells how noisy a tile is
 
 // Points of the panorama's lamps, drawn in proportion to what they send.
 const uint LAMPS = 16u;
@@ -82,6 +84,14 @@ float video_change_at(vec3 x, uint layer) {
     return max(in_lights.changed, abs(change) / max(max(now, now - change), 1e-20));
 }
 
+// Says whether it is a tile's turn: each pixel's share of the frames, or a quarter of that in a tile that rests.
+bool tile_turn(ivec2 at, uint place) {
+    if (!in_turn(at, in_view.view.rays_per_16)) return false;
+    if (RESTS == 0u || uintBitsToFloat(noise.item[place]) >= push.rest_noise) return true;
+    uint round = in_view.view.frame * in_view.view.rays_per_16 / 16u;
+    return ((round + hash(place)) & 3u) == 0u;
+}
+
 void main() {
     find_lamps();
     uvec2 tiles = tile_count();
@@ -90,9 +100,10 @@ void main() {
     bool wanted = layer < 2u && k < in_held_arguments.word[min(layer, 1u) * 4u + 3u];
     if (!wanted) return;
     ivec2 at = ivec2(tile & 0xffffu, tile >> 16u);
-    bool turns = layer == uint(REAL) && push.turns != 0u, turn = turns && in_turn(at, in_view.view.rays_per_16);
+    uint number = uint(at.y) * tiles.x + uint(at.x);
+    bool turns = layer == uint(REAL) && push.turns != 0u, turn = turns && tile_turn(at, number);
     if (OBJECT_MOTION != 0u) {
-        uint place = layer * all + uint(at.y) * tiles.x + uint(at.x);
+        uint place = layer * all + number;
         vec2 change = push.history_valid != 0u ? changes.item[place].xy : vec2(0.0);
         if (in_view.view.mover_count + in_view.view.new_video > 0u) {
             vec2 most = vec2(0.0);
@@ -111,6 +122,7 @@ void main() {
         changes.item[place] = wanted ? vec4(vec2(0.0), change) : vec4(change, vec2(0.0));
     } else wanted = !turns || turn;
     if (!wanted) return;
+    if (RESTS != 0u && layer == uint(REAL)) noise.item[number] = 0u;
     uint total = atomicAdd(out_tile_arguments.word[layer * 4u + 3u], 1u) + 1u;
     atomicMax(out_tile_arguments.word[layer * 4u], min(total, GROUPS_PER_ROW));
     atomicMax(out_tile_arguments.word[layer * 4u + 1u], (total + GROUPS_PER_ROW - 1u) / GROUPS_PER_ROW);

@@ -2,7 +2,7 @@
 
 use super::{
     resources::Kernel,
-    view::{LAYERS_FOLLOW, Role, View},
+    view::{LAYERS_FOLLOW, REAL, Role, View},
 };
 use crate::{
     Result,
@@ -21,28 +21,35 @@ gpu_struct! {
 /// The pass, with pipelines for each layer.
 pub struct Atrous {
     first: Vec<Kernel>,
-    /// Of the other levels.
-    later: Vec<Kernel>,
+    /// Of the levels between.
+    middle: Vec<Kernel>,
+    last: Vec<Kernel>,
 }
 
 impl Atrous {
     pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
         let settings = &plan.settings;
-        let kernels = |first: bool| {
+        let levels = settings.atrous_levels;
+        let kernels = |first: bool, last: bool| {
             let kernel = |layer: &u32| {
                 let constants = [
                     ("LAYER", *layer),
                     ("RADIUS", settings.atrous_radius),
                     ("RAW", u32::from(first && of_this_frame(settings))),
                     ("FIRST", u32::from(first)),
+                    ("HALVES", u32::from(first && plan.history_in_halves())),
+                    ("RESTS", u32::from(last && *layer == REAL && tells_noise(settings))),
                     role.projection(plan),
                 ];
                 Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, &constants)
             };
             role.layers(plan).iter().map(kernel).collect::<Result<Vec<_>>>()
         };
-        let later = if settings.atrous_levels > 1 { kernels(false)? } else { Vec::new() };
-        Ok(Self { first: kernels(true)?, later })
+        Ok(Self {
+            first: kernels(true, levels == 1)?,
+            middle: if levels > 2 { kernels(false, false)? } else { Vec::new() },
+            last: if levels > 1 { kernels(false, true)? } else { Vec::new() },
+        })
     }
 
     /// Records the levels. The input is the accumulated a and b, or this frame's irradiance.
@@ -56,7 +63,11 @@ impl Atrous {
     }
 
     fn level(&self, frame: &mut Frame, view: &View, settings: &Settings, level: u32) -> Result<()> {
-        let kernels = if level == 0 { &self.first } else { &self.later };
+        let kernels = match level {
+            0 => &self.first,
+            level if level + 1 == settings.atrous_levels => &self.last,
+            _ => &self.middle,
+        };
         let image = |level| view.image(Self::name(level, settings));
         let special = [("in_light", Bind::from(image(level)?)), ("out_light", Bind::from(image(level + 1)?))];
         let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance };
@@ -79,6 +90,11 @@ impl Atrous {
             _ => "scratch",
         }
     }
+}
+
+/// Whether the last level says how noisy each tile of real surfaces is, so that tiles may rest.
+pub fn tells_noise(settings: &Settings) -> bool {
+    settings.rest_noise > 0.0 && settings.atrous_levels > 0 && settings.filter_order == FilterOrder::TemporalFirst
 }
 
 /// Whether the filter reads this frame's irradiance: it comes before `temporal`, or nothing is accumulated.

@@ -13,14 +13,20 @@ use crate::{
     shaders,
 };
 
+/// Wide fits overlap, so planes are fitted at most this many texels apart.
+const MOST_SPACING: u32 = 3;
+
 gpu_struct! {
     /// Push constants of `plane_fit.comp` and `normals.comp`.
     pub struct NormalsPush {
         pub radius: i32,
         pub stride: i32,
+        pub spacing: i32,
         pub step_disparity: f32,
         pub step_radial: f32,
         pub relative: f32,
+        pub first_turn: [f32; 2],
+        pub turn: [f32; 2],
     }
 }
 
@@ -54,20 +60,29 @@ impl Normals {
         };
         let automatic = if quantisation == Quantisation::None { 1 } else { (width / 128).clamp(2, 24) };
         let radius = if radius == 0 { automatic } else { radius };
+        let stride = radius.div_ceil(3); // at most 7×7 taps
+        let turn = |texels: i32| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(texels) / f64::from(width)).sin_cos();
+            [sin as f32, cos as f32]
+        };
+        let spacing = (radius / 3).clamp(1, MOST_SPACING);
         let push = NormalsPush {
             radius: radius as i32,
-            stride: radius.div_ceil(3) as i32, // at most 7×7 taps
+            stride: stride as i32,
+            spacing: spacing as i32,
             step_disparity,
             step_radial,
             relative: 0.005,
+            first_turn: turn(-(radius as i32)),
+            turn: turn(stride as i32),
         };
         let special = [("in_depth", Bind::from(panorama.raw_depth()?))];
-        let threads = || Threads::Size([width, height, 1]);
+        let fits = Threads::Size([width.div_ceil(spacing), height.div_ceil(spacing), 1]);
         let pools = [&panorama.resources, view];
         frame.scope("normals", |frame| {
-            self.plane_fit.dispatch(frame, &special, &pools, &push, threads())?;
+            self.plane_fit.dispatch(frame, &special, &pools, &push, fits)?;
             frame.barrier("normals chooses among the planes fitted");
-            self.select.dispatch(frame, &special, &pools, &push, threads())
+            self.select.dispatch(frame, &special, &pools, &push, Threads::Size([width, height, 1]))
         })
     }
 }

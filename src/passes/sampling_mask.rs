@@ -27,7 +27,7 @@ gpu_struct! {
 
 gpu_struct! {
     /// Push constants of `tiles.comp`.
-    pub struct TilesPush { pub turns: u32, pub history_valid: u32, pub history_change: f32 }
+    pub struct TilesPush { pub turns: u32, pub history_valid: u32, pub history_change: f32, pub rest_noise: f32 }
 }
 
 /// The pass: which tiles are visited, and which of their pixels are traced.
@@ -67,7 +67,8 @@ impl SamplingMask {
             pixels.extend([kernel(layer, false)?, kernel(layer, true)?]);
         }
         let turns_after = turns.then_some(settings.short_history);
-        let constants = [plan.constant(Part::LightTable), plan.constant(Part::Motion)];
+        let rests = ("RESTS", u32::from(super::atrous::tells_noise(settings)));
+        let constants = [plan.constant(Part::LightTable), plan.constant(Part::Motion), rests];
         let tiles = Kernel::new::<TilesPush>(gpu, "tiles", shaders::TILES, &constants)?;
         Ok(Self { tiles, pixels, turns_after })
     }
@@ -102,6 +103,7 @@ impl SamplingMask {
                 turns: u32::from(turns),
                 history_valid: push.history_valid,
                 history_change: push.history_change,
+                rest_noise: settings.rest_noise,
             };
             self.tiles.dispatch(frame, &[], &[&view.resources, panorama, scene], &tiles, threads)?;
             frame.barrier("sampling_mask visits the tiles");

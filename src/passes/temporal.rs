@@ -53,6 +53,7 @@ impl Temporal {
                 ("STILL", u32::from(still)),
                 ("CLAMP", u32::from(clamp)),
                 ("LATTICE", u32::from(lattice)),
+                ("HALVES", u32::from(plan.history_in_halves())),
                 ("FILTERED", u32::from(settings.filter_order == FilterOrder::SpatialFirst)),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Motion),
@@ -76,7 +77,7 @@ impl Temporal {
             clamp_real: u32::from(since.video),
             history_change: self.history_change,
         };
-        let special = [("in_irradiance", Bind::from(input)), ("out_light", Bind::from(view.image("accumulated")?))];
+        let special = [("in_irradiance", Bind::from(input))];
         frame.scope("temporal", |frame| {
             let wanted = |(layer, kind, _): &&(u32, [bool; 2], Kernel)| {
                 *kind == [since.still[*layer as usize], since.clamp > 0.0]

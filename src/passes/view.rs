@@ -96,6 +96,8 @@ pub struct View {
     kept: [Kept; 2],
     /// Whether images with a history hold two frames.
     history: bool,
+    /// The names of these images.
+    histories: Vec<&'static str>,
 }
 
 /// What a layer of a view keeps from frame to frame.
@@ -160,13 +162,24 @@ enum Holds {
     Lobes,
 }
 
+/// When the previous frame's values of an image are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum History {
+    Never,
+    /// Where light is accumulated in halves ([`Plan::history_in_halves`]).
+    InHalves,
+    Always,
+}
+
 /// An image of a view. `bind/images.glsl` says what it holds.
 struct Declared {
     name: &'static str,
     format: Format,
     holds: Holds,
     /// Whether the previous frame's values are kept, in layers of their own.
-    history: bool,
+    history: History,
+    /// Whether the image is left out where light is accumulated in halves.
+    unless_halves: bool,
     /// The image is left out if any of these parts is off.
     parts: &'static [Part],
     /// The image is left out if there are fewer levels of atrous.
@@ -179,11 +192,28 @@ struct Declared {
 
 impl Declared {
     const fn new(name: &'static str, format: Format, holds: Holds, parts: &'static [Part]) -> Self {
-        Self { name, format, holds, history: false, parts, levels: 0, of_picture: false, packed: false }
+        Self { name, format, holds, history: History::Never, unless_halves: false, parts, levels: 0, of_picture: false, packed: false }
     }
 
     const fn with_history(self) -> Self {
-        Self { history: true, ..self }
+        Self { history: History::Always, ..self }
+    }
+
+    const fn with_history_in_halves(self) -> Self {
+        Self { history: History::InHalves, ..self }
+    }
+
+    const fn unless_halves(self) -> Self {
+        Self { unless_halves: true, ..self }
+    }
+
+    fn keeps_history(&self, plan: &Plan) -> bool {
+        plan.on(Part::Temporal)
+            && match self.history {
+                History::Never => false,
+                History::InHalves => plan.history_in_halves(),
+                History::Always => true,
+            }
     }
 
     const fn at_levels(self, levels: u32) -> Self {
@@ -203,7 +233,8 @@ impl Declared {
         let missing = self.parts.iter().copied().find(|part| !plan.on(*part));
         let filter = (plan.settings.atrous_levels < self.levels).then_some(Part::Atrous);
         let picture = (self.of_picture && role != Role::Picture).then_some(Part::VirtualSurfaces);
-        missing.or(filter).or(picture)
+        let halves = (self.unless_halves && plan.history_in_halves()).then_some(Part::Temporal);
+        missing.or(filter).or(picture).or(halves)
     }
 
     fn layers(&self, plan: &Plan, role: Role) -> u32 {
@@ -213,7 +244,7 @@ impl Declared {
                 Holds::Surfaces => plan.on(Part::VirtualSurfaces),
                 Holds::Lobes => plan.on(Part::VirtualSurfaces) && plan.on(Part::Specular),
             };
-        (1 + u32::from(both)) * if self.history && plan.on(Part::Temporal) { 2 } else { 1 }
+        (1 + u32::from(both)) * if self.keeps_history(plan) { 2 } else { 1 }
     }
 }
 
@@ -234,10 +265,10 @@ const DECLARED: &[Declared] = {
         Declared::new("radiance", Rgba32f, Pixel, &[]).of_picture(),
         Declared::new("mask", R32f, Surfaces, &[Objects]),
         Declared::new("irradiance", Rgba32u, Surfaces, &[Objects]).packed(),
-        Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history(),
-        Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history(),
+        Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history().unless_halves(),
+        Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history().unless_halves(),
         Declared::new("frames", Rg16f, Surfaces, &[Objects, Temporal]).with_history(),
-        Declared::new("accumulated", Rgba32u, Surfaces, &[Objects, Temporal]).packed(),
+        Declared::new("accumulated", Rgba32u, Surfaces, &[Objects, Temporal]).packed().with_history_in_halves(),
         Declared::new("filtered", Rgba32u, Surfaces, &[Objects]).packed().at_levels(1),
         Declared::new("scratch", Rgba32u, Surfaces, &[Objects]).packed().at_levels(2),
     ]
@@ -276,7 +307,7 @@ pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
     };
     DECLARED.iter().map(of).sum::<u64>()
         + list_bytes(plan, role, size).iter().sum::<u64>()
-        + 5 * list_bytes(plan, role, size)[1]
+        + 11 * list_bytes(plan, role, size)[1] / 2
 }
 
 impl View {
@@ -301,6 +332,7 @@ impl View {
         let aimed = gpu.buffer(&format!("{label} aimed"), aimed)?;
         let data = gpu.buffer(&format!("{label} view"), size_of::<ViewData>() as u64)?;
         resources.add("list", Resource::Buffer(gpu.buffer(&format!("{label} list"), list)?));
+        resources.add("noise", Resource::Buffer(gpu.buffer(&format!("{label} noise"), tiles / 2)?));
         resources.add("held_tiles", Resource::Buffer(gpu.buffer(&format!("{label} held tiles"), tiles)?));
         resources.add("changes", Resource::Buffer(changes));
         resources.add("tiles", Resource::Buffer(gpu.buffer(&format!("{label} tiles"), tiles)?));
@@ -324,6 +356,7 @@ impl View {
             previous: None,
             kept: Default::default(),
             history: plan.on(Part::Temporal),
+            histories: DECLARED.iter().filter(|image| image.keeps_history(plan)).map(|image| image.name).collect(),
         })
     }
 
@@ -387,8 +420,7 @@ impl View {
 
     /// The layer of an image in which this frame has the values of real or of virtual surfaces.
     pub fn layer(&self, image: &str, layer: u32) -> u32 {
-        let history = DECLARED.iter().any(|declared| declared.name == image && declared.history);
-        if history { self.history_layer(layer) } else { layer }
+        if self.histories.contains(&image) { self.history_layer(layer) } else { layer }
     }
 
     fn history_layer(&self, layer: u32) -> u32 {

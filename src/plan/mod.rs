@@ -287,6 +287,16 @@ impl Plan {
         self.on(Part::Objects) || self.on(Part::OffCentre)
     }
 
+    /// Whether halves are exact enough to accumulate light in: over a short history, and where a filter follows.
+    pub fn history_in_halves(&self) -> bool {
+        const LONGEST: u32 = 256;
+        let Settings { filter_order, atrous_levels, history, .. } = self.settings;
+        self.on(Part::Temporal)
+            && filter_order == FilterOrder::TemporalFirst
+            && atrous_levels > 0
+            && history <= LONGEST
+    }
+
     /// Whether not all rays from real surfaces that meet no object are traced.
     pub fn roulette(&self) -> bool {
         self.on(Part::Temporal)

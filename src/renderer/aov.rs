@@ -21,22 +21,22 @@ impl Renderer {
     /// luminance), over all real and virtual surfaces. 0 if nothing is accumulated.
     pub fn standard_error(&self) -> Result<f64> {
         let (mut variance, mut mean) = (0.0, 0.0);
-        let resources = &self.picture.resources;
-        let Some(lengths) = resources.image("frames") else { return Ok(0.0) };
-        for (channel, name) in ["a", "b"].iter().enumerate() {
-            let Some(image) = resources.image(name) else { continue };
-            for layer in [REAL, VIRTUAL].map(|layer| self.picture.layer(name, layer)) {
-                if layer >= image.layers() {
-                    continue;
-                }
-                let lengths = self.gpu.read_image(lengths, layer)?;
-                for ([r, g, b, moment], frames) in self.gpu.read_image(image, layer)?.into_iter().zip(lengths) {
-                    let luminance = f64::from(0.2126 * r + 0.7152 * g + 0.0722 * b);
-                    let frames = f64::from(frames[channel]);
-                    if frames > 0.0 {
-                        variance += (f64::from(moment) - luminance * luminance).max(0.0) / frames.max(1.0);
-                        mean += luminance.abs();
+        let image = |name| self.picture.resources.image(name);
+        let (Some(light), Some(frames)) = (image("accumulated"), image("frames")) else { return Ok(0.0) };
+        for &layer in self.picture.role.layers(&self.plan) {
+            let scales = self.light_scales(layer).map(f64::from);
+            let texels = self.gpu.read_halves(light, self.picture.layer("accumulated", layer))?;
+            let frames = self.gpu.read_image(frames, self.picture.layer("frames", layer))?;
+            for (texel, frames) in texels.into_iter().zip(frames) {
+                for lobe in 0..2 {
+                    let (deviation, frames) = (f64::from(texel[6 + lobe]), f64::from(frames[lobe]));
+                    if deviation < 0.0 || frames <= 0.0 {
+                        continue;
                     }
+                    let [r, g, b] = std::array::from_fn(|i| f64::from(texel[3 * lobe + i]));
+                    // The filter takes a sequence for better than chance (`of_mean` in temporal.comp).
+                    variance += (deviation * scales[lobe]).powi(2) * frames.max(1.0).powf(0.25);
+                    mean += (0.2126 * r + 0.7152 * g + 0.0722 * b).abs() * scales[lobe];
                 }
             }
         }
@@ -54,8 +54,8 @@ impl Renderer {
     /// that are packed in it.
     fn stored(&self) -> impl Iterator<Item = (String, (&'static str, u32, Values))> {
         let images = self.picture.resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_)));
-        // `position` and `normal` say what `guide` packs
-        images.filter(|(name, _)| *name != "guide").flat_map(|&(name, _)| {
+        // other images say what these hold, in other words
+        images.filter(|(name, _)| !["guide", "a", "b"].contains(name)).flat_map(|&(name, _)| {
             let lights: &[_] =
                 if is_packed(name) { &[("_a", Values::A), ("_b", Values::B)] } else { &[("", Values::Floats)] };
             let layers: &[_] = if of_surfaces(name) { &[("_real", REAL), ("_virtual", VIRTUAL)] } else { &[("", 0)] };
@@ -107,12 +107,7 @@ impl Renderer {
             [rgb[0], rgb[1], rgb[2], 1.0]
         };
         if values == Values::Floats {
-            let mut texels = self.gpu.read_image(image, layer)?;
-            let is = |name| self.picture.resources.image(name).is_some_and(|named| named.same(image));
-            if let Some(scale) = is("a").then_some(a).or_else(|| is("b").then_some(b)) {
-                texels.iter_mut().for_each(|t| *t = [t[0] * scale, t[1] * scale, t[2] * scale, 1.0]);
-            }
-            return Ok(texels);
+            return self.gpu.read_image(image, layer);
         }
         Ok(self.gpu.read_halves(image, layer)?.into_iter().map(light).collect())
     }
@@ -151,7 +146,7 @@ impl Renderer {
         if layer == VIRTUAL && !self.plan.on(Part::VirtualSurfaces) {
             return Err(left_out(Part::VirtualSurfaces));
         }
-        let lobe = layer == VIRTUAL && (values == Values::B || image == "b");
+        let lobe = layer == VIRTUAL && values == Values::B;
         if lobe && !self.plan.on(Part::Specular) {
             return Err(left_out(Part::Specular));
         }

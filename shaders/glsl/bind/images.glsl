@@ -1,6 +1,6 @@
 // Images and lists of a view (`DECLARED` in passes/view.rs). Passes read `in_` and write `out_`. A name without a
 // prefix is both read and written. Images with layers hold real surfaces in layer REAL and virtual ones in layer
-// VIRTUAL. Images with a history (guide, a, b, frames) hold them in NOW(layer), and the last frame's in
+// VIRTUAL. Images with a history (guide, a, b or accumulated, frames) hold them in NOW(layer), and the last frame's in
 // BEFORE(layer). The two are one layer where nothing moves.
 
 // xyz position (m), w distance from the camera (m; 0: no such surface).
@@ -42,9 +42,12 @@ layout(set = 0, binding = 51, r32f) uniform writeonly image2DArray out_mask;
 layout(set = 0, binding = 52, rgba32ui) uniform uimage2DArray irradiance;
 layout(set = 0, binding = 53, rgba32ui) uniform readonly uimage2DArray in_irradiance;
 layout(set = 0, binding = 54, rgba32ui) uniform writeonly uimage2DArray out_irradiance;
-// a and b accumulated; w: second moment of the luminance.
+// a and b accumulated, where halves would not do; w: second moment of the luminance.
 layout(set = 0, binding = 55, rgba32f) uniform image2DArray a;
 layout(set = 0, binding = 57, rgba32f) uniform image2DArray b;
+// a and b accumulated, packed; the deviations are those of the mean. Where a and b are left out, this has their
+// history.
+layout(set = 0, binding = 65, rgba32ui) uniform uimage2DArray accumulated;
 // How many frames are accumulated in a and in b.
 layout(set = 0, binding = 59, rg16f) uniform readonly image2DArray in_frames;
 layout(set = 0, binding = 60, rg16f) uniform image2DArray frames;
@@ -61,6 +64,8 @@ layout(set = 0, binding = 76, scalar) writeonly buffer HeldWritten { uint item[]
 // visited last (xy), and those that they had changed when it was (zw).
 layout(set = 0, binding = 38, scalar) readonly buffer ChangesRead { vec4 item[]; } in_changes;
 layout(set = 0, binding = 56, scalar) buffer ChangesWritten { vec4 item[]; } changes;
+// Of each tile of real surfaces: the most that its light, once filtered, errs by chance, relative (float bits).
+layout(set = 0, binding = 58, scalar) buffer Noise { uint item[]; } noise;
 layout(set = 0, binding = 69, scalar) readonly buffer TilesRead { uint item[]; } in_tiles;
 layout(set = 0, binding = 70, scalar) writeonly buffer TilesWritten { uint item[]; } out_tiles;
 // Of the list of real surfaces, what aim leaves.
