@@ -396,9 +396,9 @@ impl Renderer {
             0.0
         };
         let [real, seen] = state.shown_in(view);
-        let still = [view.still_frames(REAL, &real), view.still_frames(VIRTUAL, &seen)];
+        let stands = [view.stands(REAL, &real), view.stands(VIRTUAL, &seen)];
         let relit = relit.map_or(Ok(&self.nothing), |map| map.image(filtered(settings)))?;
-        let since = Since { history, still: still.map(|frames| frames > 0), clamp, video: state.new_light };
+        let since = Since { history, stands, clamp, video: state.new_light };
         let temporal = |frame: &mut Frame, why, input| match &lighting.temporal {
             Some(temporal) => {
                 frame.barrier(why);
@@ -416,7 +416,7 @@ impl Renderer {
 
         frame.barrier("sampling_mask reads what gbuffer saw");
         let pools = [&self.panorama.resources, &self.scene.resources];
-        lighting.sampling_mask.record(frame, view, settings, still, history, pools)?;
+        lighting.sampling_mask.record(frame, view, settings, since, view.steady_frames(REAL, &real), pools)?;
         frame.barrier("irradiance reads the compacted pixels");
         let last = if self.plan.roulette() { view.image(filtered(settings))? } else { &self.nothing };
         lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, [relit, last], since)?;

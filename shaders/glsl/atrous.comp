@@ -6,7 +6,7 @@
 // weights, taken from ΔE. The Lambert and the GGX lobe of virtual surfaces have their own, and the GGX lobe's
 // radius shrinks with roughness.
 // In: tiles, guide, light, or irradiance if the paper's order puts this before temporal; frames. Out: light; after the
-// last level noise.
+// last level tile_light.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -29,7 +29,7 @@ layout(push_constant, scalar) uniform Push {
 
 const float KERNEL[2][3] = float[2][3](float[3](0.5, 0.25, 0.0), float[3](0.375, 0.25, 0.0625));
 
-ivec3 input_texel(ivec2 q) { return ivec3(q, HALVES != 0u ? NOW(LAYER) : LAYER); }
+ivec3 input_texel(ivec2 q) { return ivec3(q, HALVES != 0u ? LIGHT_NOW(LAYER) : LAYER); }
 
 // Returns the deviations of the centre, smoothed over 3×3 as in SVGF.
 vec2 smooth_deviation(ivec2 p) {
@@ -62,7 +62,7 @@ void main() {
     vec2 luma = vec2(luminance(light.a), luminance(light.b));
     // A short history has no variance of its own: the first level then ignores luminance and measures the
     // variance.
-    bool measure = FIRST != 0u && (RAW != 0u || imageLoad(in_frames, ivec3(p, NOW(LAYER))).y < 12.0) || !known;
+    bool measure = FIRST != 0u && (RAW != 0u || imageLoad(in_frames, ivec3(p, LIGHT_NOW(LAYER))).y < 12.0) || !known;
     vec2 inverse = vec2(0.0);
     if (push.sigma_luminance < FAR && FAULT != FAULT_FILTER_BLIND) {
         vec2 deviation = FIRST != 0u && RAW == 0u ? smooth_deviation(p) : light.deviation;
@@ -125,12 +125,14 @@ void main() {
     }
     imageStore(out_light, at, known ? light_pack(light) : LIGHT_UNKNOWN);
     if (RESTS != 0u) {
-        // E_R errs, too, but no more than by its share of the change.
         light_decode(LAYER, light);
         vec2 deviation = light.deviation / in_view.view.light_units;
-        float real = luminance(light.a), change = luminance(light.b);
-        float most = (deviation.y + abs(change) * deviation.x / max(real, 1e-20)) / max(real + change, 1e-20);
+        float real = max(luminance(light.a), 1e-20), effect = abs(luminance(light.b)) / real, left = max(1.0 + luminance(light.b) / real, 1e-3);
+        // E_R errs, too, and the change with it
+        float error = (deviation.y + effect * deviation.x) / (real * left);
         uvec2 tile = uvec2(p) / 8u;
-        atomicMax(noise.item[tile.y * tile_count().x + tile.x], floatBitsToUint(known ? most : FAR));
+        uint at_tile = 2u * (tile.y * tile_count().x + tile.x);
+        atomicMax(tile_light.item[at_tile], floatBitsToUint(known ? error : FAR));
+        atomicMax(tile_light.item[at_tile + 1u], floatBitsToUint(known ? effect : 1.0));
     }
 }

@@ -1,6 +1,15 @@
 // The previous frame, and whether it holds a pixel's surface. sampling_mask and temporal ask the same
 // question, so that each untraced pixel has a history.
-layout(constant_id = 11) const uint STILL = 0; // 1: camera, objects and video stand still since the last frame
+// Since the last frame (`Stands` in passes/view.rs):
+layout(constant_id = 11) const uint STANDS = 0;
+const uint STEADY = 1u; // camera and objects stand still: a pixel's history is its own, if it is the same surface's
+const uint STILL = 2u;  // the video, too
+
+// Returns where a surface was in the last frame: xy in pixels from here, z its distance from the camera (m).
+vec4 motion_at(ivec2 p, int layer, uvec4 guide) {
+    if (STANDS == STEADY) return vec4(0.0, 0.0, length(guide_position(guide) - in_view.view.previous_position), 0.0);
+    return imageLoad(in_motion, ivec3(p, layer));
+}
 
 // Says whether a history texel was this surface: the same object, at the distance that this point then had,
 // facing the same way. `q` wraps.

@@ -62,12 +62,12 @@ bool traced(ivec2 p, int layer, uvec4 guide) {
     if (layer == VIRTUAL && guide_roughness(guide) < push.sharp_roughness) return true;
     // Newly seen surfaces trace every pixel until they have some history.
     if (push.short_history == 0u || push.history_valid == 0u) return push.short_history > 0u;
-    if (STILL != 0u) return young(p, layer, imageLoad(in_frames, ivec3(p, NOW(layer))).xy);
-    vec4 motion = imageLoad(in_motion, ivec3(p, layer));
+    if (STANDS == STILL) return young(p, layer, imageLoad(in_frames, ivec3(p, LIGHT_NOW(layer))).xy);
+    vec4 motion = motion_at(p, layer, guide);
     if (motion.z <= 0.0) return true;
     ivec2 q = ivec2(floor(vec2(p) + 0.5 + motion.xy));
     if (history_weight(q, layer, motion, guide) == 0.0) return true;
-    return young(p, layer, imageLoad(in_frames, ivec3(q, BEFORE(layer))).xy);
+    return young(p, layer, imageLoad(in_frames, ivec3(q, LIGHT_BEFORE(layer))).xy);
 }
 
 void main() {

@@ -62,10 +62,15 @@ History reproject(ivec2 p, uvec4 guide) {
     History old = NOTHING;
     if (push.history_valid == 0u) return old;
     float total = 1.0;
-    if (STILL != 0u) add(old, p, NOW(LAYER), 1.0);
-    else {
+    if (STANDS == STILL) add(old, p, LIGHT_NOW(LAYER), 1.0);
+    else if (STANDS == STEADY) {
+        ivec2 q = p;
+        total = history_weight(q, LAYER, motion_at(p, LAYER, guide), guide);
+        if (imageLoad(frames, ivec3(p, LIGHT_NOW(LAYER))).x <= 0.0) total = 0.0;
+        add(old, p, LIGHT_NOW(LAYER), total);
+    } else {
         total = 0.0;
-        vec4 motion = imageLoad(in_motion, ivec3(p, LAYER));
+        vec4 motion = motion_at(p, LAYER, guide);
         if (motion.z <= 0.0) return old;
         vec2 at = vec2(p) + motion.xy;
         if (dot(motion.xy, motion.xy) < 1e-6) at = vec2(p); // a still pixel is not resampled
@@ -74,8 +79,8 @@ History reproject(ivec2 p, uvec4 guide) {
         [[unroll]] for (int k = 0; k < 4; k++) {
             ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
             float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
-            if (w <= 0.0 || history_weight(q, LAYER, motion, guide) == 0.0 || imageLoad(frames, ivec3(q, BEFORE(LAYER))).x <= 0.0) continue;
-            add(old, q, BEFORE(LAYER), w);
+            if (w <= 0.0 || history_weight(q, LAYER, motion, guide) == 0.0 || imageLoad(frames, ivec3(q, LIGHT_BEFORE(LAYER))).x <= 0.0) continue;
+            add(old, q, LIGHT_BEFORE(LAYER), w);
             total += w;
         }
     }
@@ -88,13 +93,13 @@ History reproject(ivec2 p, uvec4 guide) {
 void main() {
     ivec2 p;
     if (!tile_pixel(LAYER, p)) return;
-    ivec3 at = ivec3(p, LAYER), kept = ivec3(p, NOW(LAYER));
+    ivec3 at = ivec3(p, LAYER), kept = ivec3(p, LIGHT_NOW(LAYER));
     float mask = imageLoad(in_mask, at).x;
     if (mask == 0.0) {
         imageStore(frames, kept, vec4(0.0));
         return;
     }
-    uvec4 guide = imageLoad(in_guide, kept);
+    uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
     Light light = light_unpack(imageLoad(in_irradiance, at));
     bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask == 1.0;
     bool known = fresh || light.deviation.x >= 0.0;

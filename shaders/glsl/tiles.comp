@@ -2,8 +2,9 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 2, sampling_mask (first dispatch): the tiles that the later passes visit, and what moving objects change in
 // each. While a picture stands still, tiles of real surfaces take turns, and all pixels of a tile are traced in
-// its turn. Tiles with little noise left have their turn more seldom. Where much changes, no tile waits for its turn.
-// In: held_tiles, guide, movers, lights, noise. Out: tiles, changes, noise (0 where a tile is visited).
+// its turn. Tiles with little noise left have their turn more seldom. Where much changes, or another surface is seen, no
+// tile waits for its turn.
+// In: held_tiles, guide, movers, lights, tile_light. Out: tiles, changes, tile_light (0 where a tile is visited).
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -85,11 +86,11 @@ float video_change_at(vec3 x, uint layer) {
 }
 
 // Says whether it is a tile's turn: each pixel's share of the frames, or a quarter of that in a tile that rests.
-bool tile_turn(ivec2 at, uint place) {
+bool tile_turn(ivec2 at, uint number) {
     if (!in_turn(at, in_view.view.rays_per_16)) return false;
-    if (RESTS == 0u || uintBitsToFloat(noise.item[place]) >= push.rest_noise) return true;
+    if (RESTS == 0u || uintBitsToFloat(tile_light.item[2u * number]) >= push.rest_noise) return true;
     uint round = in_view.view.frame * in_view.view.rays_per_16 / 16u;
-    return ((round + hash(place)) & 3u) == 0u;
+    return ((round + hash(number)) & 3u) == 0u;
 }
 
 void main() {
@@ -105,24 +106,31 @@ void main() {
     if (OBJECT_MOTION != 0u) {
         uint place = layer * all + number;
         vec2 change = push.history_valid != 0u ? changes.item[place].xy : vec2(0.0);
+        bool another = false;
         if (in_view.view.mover_count + in_view.view.new_video > 0u) {
             vec2 most = vec2(0.0);
             [[unroll]] for (int i = 0; i < 4; i++) {
                 ivec2 q = min(at * 8 + ivec2(i & 1, i >> 1) * 5 + 1, ivec2(in_view.view.size) - 1);
-                uvec4 guide = imageLoad(in_guide, ivec3(q, NOW(layer)));
+                uvec4 guide = imageLoad(in_guide, ivec3(q, NOW(layer))), then = imageLoad(in_guide, ivec3(q, BEFORE(layer)));
+                float distance_now = length(guide_position(guide) - in_view.view.position), distance_then = length(guide_position(then) - in_view.view.position);
+                another = another || guide_id(guide) != guide_id(then) || abs(distance_then - distance_now) > 0.03 * distance_now;
                 if (guide_id(guide) != NO_SURFACE) most = max(most, vec2(video_change_at(guide_position(guide), layer), change_at(guide_position(guide), guide_normal(guide) / 127.0, guide_id(guide))));
             }
+            // Where objects hardly change the light, it is the video's own, whatever the video does to it; unless that is
+            // so much that they may cast another shadow.
+            float effect = RESTS != 0u && layer == uint(REAL) ? uintBitsToFloat(tile_light.item[2u * number + 1u]) : 1.0;
+            most.x *= clamp(max(effect, 4.0 * most.x), 0.0, 1.0);
             change += most;
         }
         // Where a history keeps more than a few frames it can wait for its turn.
         const float SOON = 8.0;
-        bool now = (change.x + change.y) * SOON > (push.history_change < FAR ? push.history_change : 0.0);
+        bool now = another || (change.x + change.y) * SOON > (push.history_change < FAR ? push.history_change : 0.0);
         wanted = !turns || turn || now;
         turn = turn && !now;
         changes.item[place] = wanted ? vec4(vec2(0.0), change) : vec4(change, vec2(0.0));
     } else wanted = !turns || turn;
     if (!wanted) return;
-    if (RESTS != 0u && layer == uint(REAL)) noise.item[number] = 0u;
+    if (RESTS != 0u && layer == uint(REAL)) tile_light.item[2u * number] = tile_light.item[2u * number + 1u] = 0u;
     uint total = atomicAdd(out_tile_arguments.word[layer * 4u + 3u], 1u) + 1u;
     atomicMax(out_tile_arguments.word[layer * 4u], min(total, GROUPS_PER_ROW));
     atomicMax(out_tile_arguments.word[layer * 4u + 1u], (total + GROUPS_PER_ROW - 1u) / GROUPS_PER_ROW);

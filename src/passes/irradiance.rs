@@ -5,7 +5,7 @@ use super::{
     resources::{Kernel, Resources},
     scene::SceneBuffers,
     temporal::Since,
-    view::{LAYERS_FOLLOW, REAL, Role, View},
+    view::{LAYERS_FOLLOW, REAL, Role, Stands, View},
 };
 use crate::{
     Result,
@@ -88,7 +88,7 @@ impl Irradiance {
     ) -> Result<()> {
         let push = IrradiancePush {
             history_valid: u32::from(since.history),
-            still: u32::from(since.still[REAL as usize]),
+            still: u32::from(since.stands[REAL as usize] != Stands::Nothing),
             ..self.push
         };
         let (relit, last) = (("in_relit_light", Bind::from(relit)), ("in_light", Bind::from(last)));

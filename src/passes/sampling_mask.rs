@@ -2,7 +2,8 @@
 
 use super::{
     resources::{Kernel, Resources},
-    view::{LAYERS_FOLLOW, REAL, Role, View},
+    temporal::Since,
+    view::{LAYERS_FOLLOW, Role, Stands, View},
 };
 use crate::{
     Result,
@@ -33,9 +34,9 @@ gpu_struct! {
 /// The pass: which tiles are visited, and which of their pixels are traced.
 pub struct SamplingMask {
     tiles: Kernel,
-    /// By layer, and by whether it stands still.
-    pixels: Vec<(u32, bool, Kernel)>,
-    /// How many still frames it takes until tiles may take turns. `None` if they never do.
+    /// By layer, and by what of it stands still.
+    pixels: Vec<(u32, Stands, Kernel)>,
+    /// How many steady frames it takes until tiles may take turns. `None` if they never do.
     turns_after: Option<u32>,
 }
 
@@ -43,10 +44,10 @@ impl SamplingMask {
     pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
         let settings = &plan.settings;
         let dense = !settings.sampling_mask;
-        let kernel = |layer: u32, still: bool| {
+        let kernel = |layer: u32, stands: Stands| {
             let constants = [
                 ("LAYER", layer),
-                ("STILL", u32::from(still)),
+                ("STANDS", stands as u32),
                 ("DENSE", u32::from(dense)),
                 plan.constant(Part::Motion),
                 ("BY_DISCONTINUITY", u32::from(settings.mask_by == MaskBy::Discontinuity)),
@@ -54,7 +55,7 @@ impl SamplingMask {
                 role.projection(plan),
             ];
             let kernel = Kernel::new::<SamplingMaskPush>(gpu, "sampling_mask", shaders::SAMPLING_MASK, &constants)?;
-            Ok((layer, still, kernel))
+            Ok((layer, stands, kernel))
         };
         // What is not traced must have a history, to which a later turn adds.
         let turns = !dense
@@ -64,7 +65,9 @@ impl SamplingMask {
             && settings.filter_order == FilterOrder::TemporalFirst;
         let mut pixels = Vec::new();
         for &layer in role.layers(plan) {
-            pixels.extend([kernel(layer, false)?, kernel(layer, true)?]);
+            for stands in Stands::possible(plan) {
+                pixels.push(kernel(layer, stands)?);
+            }
         }
         let turns_after = turns.then_some(settings.short_history);
         let rests = ("RESTS", u32::from(super::atrous::tells_noise(settings)));
@@ -73,26 +76,26 @@ impl SamplingMask {
         Ok(Self { tiles, pixels, turns_after })
     }
 
-    /// Records the clearing of the lists, and the dispatches. `still` is how many frames in a row each
-    /// layer has shown the same as the one before.
+    /// Records the clearing of the lists, and the dispatches. `steady` is how many frames in a row real
+    /// surfaces have been shown from one place.
     pub fn record(
         &self,
         frame: &mut Frame,
         view: &View,
         settings: &Settings,
-        still: [u32; 2],
-        history_valid: bool,
+        since: Since,
+        steady: u32,
         [panorama, scene]: [&Resources; 2],
     ) -> Result<()> {
         let push = SamplingMaskPush {
-            history_valid: u32::from(history_valid),
+            history_valid: u32::from(since.history),
             short_history: settings.short_history,
             sharp_roughness: settings.sharp_roughness,
             mask_cosine: settings.mask_angle.to_radians().cos(),
             mask_distance: settings.mask_distance,
             history_change: settings.history_change,
         };
-        let turns = self.turns_after.is_some_and(|frames| still[REAL as usize] > frames);
+        let turns = self.turns_after.is_some_and(|frames| steady > frames);
         frame.scope("sampling_mask", |frame| {
             frame.fill(&view.arguments, 0);
             frame.fill(&view.tile_arguments, 0);
@@ -108,7 +111,7 @@ impl SamplingMask {
             self.tiles.dispatch(frame, &[], &[&view.resources, panorama, scene], &tiles, threads)?;
             frame.barrier("sampling_mask visits the tiles");
             for (layer, stands, kernel) in &self.pixels {
-                if *stands == (still[*layer as usize] > 0) {
+                if *stands == since.stands[*layer as usize] {
                     frame.barrier(LAYERS_FOLLOW);
                     kernel.dispatch(frame, &[], &[&view.resources], &push, view.tiles(*layer))?;
                 }

@@ -2,7 +2,7 @@
 
 use super::{
     resources::Kernel,
-    view::{LAYERS_FOLLOW, Role, View},
+    view::{LAYERS_FOLLOW, Role, Stands, View},
 };
 use crate::{
     Result,
@@ -23,17 +23,17 @@ gpu_struct! {
 pub struct Since {
     /// Whether there is a history.
     pub history: bool,
-    /// Whether real and virtual surfaces stand still.
-    pub still: [bool; 2],
+    /// What of real and of virtual surfaces stands still.
+    pub stands: [Stands; 2],
     /// How far history may be from this frame's light, standard deviations; 0 for no clamping.
     pub clamp: f32,
     /// Whether the light of the real scene has changed, too.
     pub video: bool,
 }
 
-/// The pass, with pipelines by layer, by whether it stands still, and by whether history is clamped.
+/// The pass, with pipelines by layer, by what stands still, and by whether history is clamped.
 pub struct Temporal {
-    kernels: Vec<(u32, [bool; 2], Kernel)>,
+    kernels: Vec<(u32, Stands, bool, Kernel)>,
     history_change: f32,
 }
 
@@ -47,10 +47,10 @@ impl Temporal {
             && settings.mask_by == MaskBy::History
             && settings.rays_per_pixel == 0.25
             && settings.filter_order == FilterOrder::TemporalFirst;
-        let kernel = |layer: u32, [still, clamp]: [bool; 2]| {
+        let kernel = |layer: u32, stands: Stands, clamp: bool| {
             let constants = [
                 ("LAYER", layer),
-                ("STILL", u32::from(still)),
+                ("STANDS", stands as u32),
                 ("CLAMP", u32::from(clamp)),
                 ("LATTICE", u32::from(lattice)),
                 ("HALVES", u32::from(plan.history_in_halves())),
@@ -60,12 +60,16 @@ impl Temporal {
                 role.projection(plan),
             ];
             let kernel = Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, &constants)?;
-            Ok((layer, [still, clamp], kernel))
+            Ok((layer, stands, clamp, kernel))
         };
-        let kinds = [[true, false], [false, false], [true, true], [false, true]];
-        let kinds = kinds.into_iter().filter(|[_, clamp]| if *clamp { sometimes } else { !always });
-        let all = kinds.flat_map(|kind| role.layers(plan).iter().map(move |layer| (*layer, kind)));
-        let kernels = all.map(|(layer, kind)| kernel(layer, kind)).collect::<Result<_>>()?;
+        let mut kernels = Vec::new();
+        for clamp in [false, true].into_iter().filter(|clamp| if *clamp { sometimes } else { !always }) {
+            for stands in Stands::possible(plan) {
+                for &layer in role.layers(plan) {
+                    kernels.push(kernel(layer, stands, clamp)?);
+                }
+            }
+        }
         Ok(Self { kernels, history_change: settings.history_change })
     }
 
@@ -79,10 +83,10 @@ impl Temporal {
         };
         let special = [("in_irradiance", Bind::from(input))];
         frame.scope("temporal", |frame| {
-            let wanted = |(layer, kind, _): &&(u32, [bool; 2], Kernel)| {
-                *kind == [since.still[*layer as usize], since.clamp > 0.0]
+            let wanted = |(layer, stands, clamp, _): &&(u32, Stands, bool, Kernel)| {
+                (*stands, *clamp) == (since.stands[*layer as usize], since.clamp > 0.0)
             };
-            self.kernels.iter().filter(wanted).try_for_each(|(layer, _, kernel)| {
+            self.kernels.iter().filter(wanted).try_for_each(|(layer, .., kernel)| {
                 frame.barrier(LAYERS_FOLLOW);
                 kernel.dispatch(frame, &special, &[&view.resources], &push, view.tiles(*layer))
             })

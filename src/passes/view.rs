@@ -50,6 +50,8 @@ gpu_struct! {
         pub light_units: Vec2,
         pub now: [u32; 2],
         pub before: [u32; 2],
+        pub light_now: [u32; 2],
+        pub light_before: [u32; 2],
     }
 }
 
@@ -107,8 +109,31 @@ struct Kept {
     shown: Option<(Shown, bool)>,
     /// How many frames with a history have shown the same since.
     still: u32,
-    /// Which of the two images of a history is this frame's.
+    /// The same, but for the video.
+    steady: u32,
+    /// Which of the two images of the guide's history is this frame's.
     turn: u32,
+    /// Which of those of light's history.
+    light_turn: u32,
+}
+
+/// What stands still in a layer since the last frame. The number is the shaders' constant `STANDS`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stands {
+    /// Anything may have moved.
+    Nothing = 0,
+    /// Camera and objects, so that each pixel is its own history. The video does not.
+    Steady = 1,
+    /// All of it.
+    Still = 2,
+}
+
+impl Stands {
+    /// What can stand still in a plan's frames.
+    pub fn possible(plan: &Plan) -> impl Iterator<Item = Self> {
+        let steady = plan.on(Part::Video).then_some(Self::Steady);
+        [Self::Nothing, Self::Still].into_iter().chain(steady)
+    }
 }
 
 /// All that the images of `gbuffer` depend on, for one layer.
@@ -307,7 +332,13 @@ pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
     };
     DECLARED.iter().map(of).sum::<u64>()
         + list_bytes(plan, role, size).iter().sum::<u64>()
-        + 11 * list_bytes(plan, role, size)[1] / 2
+        + 6 * list_bytes(plan, role, size)[1]
+}
+
+/// Fills an image with `LIGHT_UNKNOWN` of `light_code.glsl`.
+fn unknown(gpu: &Gpu, image: &Image, [width, height]: [u32; 2], layers: u32) -> Result<()> {
+    let texels = vec![[0_u32, 0, 0, 0xbc00]; width as usize * height as usize];
+    (0..layers).try_for_each(|layer| gpu.write_image(image, layer, 0, &texels))
 }
 
 impl View {
@@ -322,6 +353,12 @@ impl View {
                 Some(part) => resources.leave_out(gpu, name, format, part)?,
                 None => resources.add(name, Resource::Image(image()?)),
             }
+            // A pixel may be shown before it is filtered, if its tile rests when the video shows a surface there.
+            if declared.packed && plan.on(Part::Video) {
+                if let Some(image) = resources.image(name) {
+                    unknown(gpu, image, size, layers)?;
+                }
+            }
         }
         let [list, tiles, aimed] = list_bytes(plan, role, size);
         let changes = gpu.buffer(&format!("{label} changes"), 4 * tiles)?;
@@ -332,7 +369,10 @@ impl View {
         let aimed = gpu.buffer(&format!("{label} aimed"), aimed)?;
         let data = gpu.buffer(&format!("{label} view"), size_of::<ViewData>() as u64)?;
         resources.add("list", Resource::Buffer(gpu.buffer(&format!("{label} list"), list)?));
-        resources.add("noise", Resource::Buffer(gpu.buffer(&format!("{label} noise"), tiles / 2)?));
+        // A tile that was never visited does not rest, and its pixels are as if nothing changed them.
+        let tile_light = gpu.buffer(&format!("{label} tile light"), tiles)?;
+        gpu.write_buffer(&tile_light, 0, &vec![f32::MAX; tiles as usize / 4])?;
+        resources.add("tile_light", Resource::Buffer(tile_light));
         resources.add("held_tiles", Resource::Buffer(gpu.buffer(&format!("{label} held tiles"), tiles)?));
         resources.add("changes", Resource::Buffer(changes));
         resources.add("tiles", Resource::Buffer(gpu.buffer(&format!("{label} tiles"), tiles)?));
@@ -377,24 +417,44 @@ impl View {
         if still { self.kept[layer as usize].still + 1 } else { 0 }
     }
 
+    /// The same for frames that have shown the same but for the video.
+    pub fn steady_frames(&self, layer: u32, shown: &Shown) -> u32 {
+        let Kept { shown: known, steady, .. } = &self.kept[layer as usize];
+        let same = |known: &Shown| known.viewpoint == shown.viewpoint && known.objects == shown.objects;
+        if self.history_reset.is_none() && known.as_ref().is_some_and(|(known, _)| same(known)) { steady + 1 } else { 0 }
+    }
+
+    /// What stands still since the last frame.
+    pub fn stands(&self, layer: u32, shown: &Shown) -> Stands {
+        if self.still_frames(layer, shown) > 0 {
+            Stands::Still
+        } else if self.steady_frames(layer, shown) > 0 {
+            Stands::Steady
+        } else {
+            Stands::Nothing
+        }
+    }
+
     /// Makes what the last frame wrote the history of the next. Where a layer stands still the history is the
     /// same image, which each pass changes in place, and what `gbuffer` need not write again stays where it is.
     pub fn begin_frame(&mut self, shown: &[Shown; 2]) {
         for layer in [REAL, VIRTUAL] {
             let shown = &shown[layer as usize];
-            if self.still_frames(layer, shown) == 0 && !self.keeps(layer, shown) {
-                self.kept[layer as usize].turn ^= 1;
-            }
+            let turns = self.still_frames(layer, shown) == 0 && !self.keeps(layer, shown);
+            let light_turns = self.steady_frames(layer, shown) == 0;
+            let kept = &mut self.kept[layer as usize];
+            kept.turn ^= u32::from(turns);
+            kept.light_turn ^= u32::from(light_turns);
         }
     }
 
     /// Takes down what a frame has shown.
     pub fn end_frame(&mut self, viewpoint: Viewpoint, shown: [Shown; 2]) {
         for (layer, shown) in (0..).zip(shown) {
-            let still = self.still_frames(layer, &shown);
+            let (still, steady) = (self.still_frames(layer, &shown), self.steady_frames(layer, &shown));
             let motionless = self.shows(layer, &shown);
             let kept = &mut self.kept[layer as usize];
-            kept.still = still;
+            (kept.still, kept.steady) = (still, steady);
             kept.shown = Some((shown, motionless));
         }
         self.previous = Some(viewpoint);
@@ -411,20 +471,28 @@ impl View {
     /// `shown` is what this frame shows.
     pub fn describe(&self, data: &mut ViewData, shown: &[Shown; 2]) {
         for layer in [REAL, VIRTUAL] {
-            let now = self.history_layer(layer);
-            let still = self.still_frames(layer, &shown[layer as usize]) > 0;
-            data.now[layer as usize] = now;
-            data.before[layer as usize] = if self.history && !still { now ^ 1 } else { now };
+            let Kept { turn, light_turn, .. } = self.kept[layer as usize];
+            let [now, light_now] = [turn, light_turn].map(|turn| self.history_layer(layer, turn));
+            let stands = self.stands(layer, &shown[layer as usize]);
+            let at = layer as usize;
+            (data.now[at], data.light_now[at]) = (now, light_now);
+            data.before[at] = if self.history && stands != Stands::Still { now ^ 1 } else { now };
+            data.light_before[at] = if self.history && stands == Stands::Nothing { light_now ^ 1 } else { light_now };
         }
     }
 
     /// The layer of an image in which this frame has the values of real or of virtual surfaces.
     pub fn layer(&self, image: &str, layer: u32) -> u32 {
-        if self.histories.contains(&image) { self.history_layer(layer) } else { layer }
+        let Kept { turn, light_turn, .. } = self.kept[layer as usize];
+        match image {
+            "guide" => self.history_layer(layer, turn),
+            _ if self.histories.contains(&image) => self.history_layer(layer, light_turn),
+            _ => layer,
+        }
     }
 
-    fn history_layer(&self, layer: u32) -> u32 {
-        if self.history { 2 * layer + self.kept[layer as usize].turn } else { layer }
+    fn history_layer(&self, layer: u32, turn: u32) -> u32 {
+        if self.history { 2 * layer + turn } else { layer }
     }
 
     /// The threads of a dispatch over the list of a layer's pixels.

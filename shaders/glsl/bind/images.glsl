@@ -1,7 +1,8 @@
 // Images and lists of a view (`DECLARED` in passes/view.rs). Passes read `in_` and write `out_`. A name without a
 // prefix is both read and written. Images with layers hold real surfaces in layer REAL and virtual ones in layer
-// VIRTUAL. Images with a history (guide, a, b or accumulated, frames) hold them in NOW(layer), and the last frame's in
-// BEFORE(layer). The two are one layer where nothing moves.
+// VIRTUAL. Images with a history hold them in two layers. guide: NOW(layer), and the last frame's BEFORE(layer), which
+// are one where nothing moves. a, b or accumulated, and frames: LIGHT_NOW(layer) and LIGHT_BEFORE(layer), which are one
+// where camera and objects stand still, whatever the video does.
 
 // xyz position (m), w distance from the camera (m; 0: no such surface).
 layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
@@ -64,8 +65,9 @@ layout(set = 0, binding = 76, scalar) writeonly buffer HeldWritten { uint item[]
 // visited last (xy), and those that they had changed when it was (zw).
 layout(set = 0, binding = 38, scalar) readonly buffer ChangesRead { vec4 item[]; } in_changes;
 layout(set = 0, binding = 56, scalar) buffer ChangesWritten { vec4 item[]; } changes;
-// Of each tile of real surfaces: the most that its light, once filtered, errs by chance, relative (float bits).
-layout(set = 0, binding = 58, scalar) buffer Noise { uint item[]; } noise;
+// Two words for each tile of real surfaces, float bits: the most that its light, once filtered, errs by chance, and the
+// most that objects change it, both relative.
+layout(set = 0, binding = 58, scalar) buffer TileLight { uint item[]; } tile_light;
 layout(set = 0, binding = 69, scalar) readonly buffer TilesRead { uint item[]; } in_tiles;
 layout(set = 0, binding = 70, scalar) writeonly buffer TilesWritten { uint item[]; } out_tiles;
 // Of the list of real surfaces, what aim leaves.

@@ -35,8 +35,10 @@ struct View {
     uint relit;
     uvec2 relight_size;
     vec2 light_units;        // factors on E_R, and on what objects change or send, in images
-    uvec2 now;               // the layers of this frame's values of real and virtual surfaces in images with a history
-    uvec2 before;            // those of the last frame's
+    uvec2 now;               // the layers of this frame's real and virtual surfaces in guide
+    uvec2 before;
+    uvec2 light_now;         // the same for images that accumulate light
+    uvec2 light_before;
 };
 
 layout(set = 0, binding = 0, scalar) uniform ViewBuffer { View view; } in_view;
