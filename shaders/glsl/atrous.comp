@@ -88,7 +88,7 @@ void main() {
             float reach = length(vec2(x, y)) * float(push.step_size), g = k, apart = 0.0;
             if (x != 0 || y != 0) {
                 g *= guide_facing(guide, normal, other);
-                apart = guide_off_plane(position, normal, other) / guide_tolerance(distance, reach);
+                apart = guide_off_plane(position, normal, other) * (1.0 / guide_tolerance(distance, reach)); // one division for all taps as far off
             }
             vec2 there_luma = vec2(luminance(there.a), luminance(there.b));
             vec2 far = apart + abs(there_luma - luma) * inverse;
@@ -104,14 +104,16 @@ void main() {
             sum_b += w.y * there.b;
             total += w;
             if (RAW == 0u) variance_sum += w * w * there.deviation * there.deviation;
-            first += w * there_luma;
-            second += w * there_luma * there_luma;
+            if (FIRST != 0u) {
+                first += w * there_luma;
+                second += w * there_luma * there_luma;
+            }
         }
     }
     float alone = KERNEL[RADIUS - 1][0] * KERNEL[RADIUS - 1][0];
     if (min(total.x, total.y) > 1e-12) {
         light.deviation = sqrt(variance_sum) / total;
-        if (measure) {
+        if (FIRST != 0u && measure) {
             vec2 mean = first / total;
             light.deviation = max(light.deviation, sqrt(max(second / total - mean * mean, vec2(0.0)) * 0.15)); // the kernel's Σw²
         }
