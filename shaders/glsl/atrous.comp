@@ -13,13 +13,15 @@
 #include "tiles.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
+#include "light_units.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 1) const int LAYER = 0;
 layout(constant_id = 10) const int RADIUS = 1;
 layout(constant_id = 12) const uint RAW = 0;   // 1: the input is one frame's, and has no deviation
 layout(constant_id = 13) const uint FIRST = 1; // 1: the first level, of step 1
 
-layout(constant_id = 31) const uint HALVES = 0; // 1: the first level reads an image with a history
+layout(constant_id = 31) const uint BRIEF = 0;  // 1: the first level reads an image with a history
+layout(constant_id = 32) const uint LAST = 1;   // 1: the last level, whose result is light in full
 layout(constant_id = 30) const uint RESTS = 0; // 1: the last level, which says how noisy a tile of real surfaces is
 
 layout(push_constant, scalar) uniform Push {
@@ -29,7 +31,10 @@ layout(push_constant, scalar) uniform Push {
 
 const float KERNEL[2][3] = float[2][3](float[3](0.5, 0.25, 0.0), float[3](0.375, 0.25, 0.0625));
 
-ivec3 input_texel(ivec2 q) { return ivec3(q, HALVES != 0u ? LIGHT_NOW(LAYER) : LAYER); }
+Light light_at(ivec2 q) {
+    uvec4 code = imageLoad(in_light, ivec3(q, BRIEF != 0u ? LIGHT_NOW(LAYER) : LAYER));
+    return BRIEF != 0u || FIRST == 0u ? brief_unpack(code) : light_unpack(code);
+}
 
 // About exp(-x), at a third of its cost: (1 - x/8)^8.
 vec2 falling(vec2 x) {
@@ -46,7 +51,7 @@ vec2 smooth_deviation(ivec2 p) {
         [[unroll]] for (int x = -1; x <= 1; x++) {
             ivec2 q = p + ivec2(x, y);
             bool inside = neighbour(q);
-            vec2 deviation = unpackHalf2x16(imageLoad(in_light, input_texel(q)).w);
+            vec2 deviation = light_at(q).deviation;
             float w = (x == 0 ? 0.5 : 0.25) * (y == 0 ? 0.5 : 0.25);
             if (!inside || deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, NOW(LAYER)))) == NO_SURFACE) continue;
             variance += w * deviation * deviation;
@@ -62,7 +67,7 @@ void main() {
     ivec3 at = ivec3(p, LAYER);
     uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
     if (guide_id(guide) == NO_SURFACE) return;
-    Light light = light_unpack(imageLoad(in_light, input_texel(p)));
+    Light light = light_at(p);
     bool known = light.deviation.x >= 0.0;
     vec3 position = guide_position(guide), normal = guide_normal(guide);
     float distance = length(position - in_view.view.position), roughness = guide_roughness(guide);
@@ -89,7 +94,7 @@ void main() {
             ivec2 q = p + ivec2(x, y) * push.step_size;
             bool inside = neighbour(q);
             uvec4 other = imageLoad(in_guide, ivec3(q, NOW(LAYER)));
-            Light there = light_unpack(imageLoad(in_light, input_texel(q)));
+            Light there = light_at(q);
             float k = KERNEL[RADIUS - 1][abs(x)] * KERNEL[RADIUS - 1][abs(y)];
             if (!inside || there.deviation.x < 0.0 || guide_id(other) == NO_SURFACE) k = 0.0;
             float reach = length(vec2(x, y)) * float(push.step_size), g = k, apart = 0.0;
@@ -132,7 +137,7 @@ void main() {
         }
         known = true;
     }
-    imageStore(out_light, at, known ? light_pack(light) : LIGHT_UNKNOWN);
+    imageStore(out_light, at, known ? (LAST != 0u ? light_pack(light) : brief_pack(light)) : LIGHT_UNKNOWN);
     if (RESTS != 0u) {
         light_decode(LAYER, light);
         vec2 deviation = light.deviation / in_view.view.light_units;

@@ -10,6 +10,7 @@
 #include "bind/images.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
+#include "light_units.glsl"
 #include "relit.glsl"
 #include "tiles.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;

@@ -1,8 +1,10 @@
 #version 460
+#extension GL_GOOGLE_include_directive : require
 // display: an image of the renderer as a window shows it. It is not part of the frame. `look` says what the
 // numbers mean, and the legends in passes/display.rs describe it.
 // In: image and other (texels of any meaning, one layer of each), codes (`hit`, or packed light). Out: picture, sRGB codes.
 #extension GL_EXT_scalar_block_layout : require
+#include "light_code.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
 const uint RADIANCE = 0u, DIRECTION = 1u, PLACE = 2u, MOTION = 3u, ID = 4u, SHARE = 5u, MASK = 6u, HISTORY = 7u, CODE = 8u, DIFFERENCE = 9u;
@@ -18,6 +20,7 @@ layout(push_constant, scalar) uniform Push {
     uint look;
     uint layer;
     uint values;      // what codes are: 0 nothing or `hit`, 1 a of packed light, 2 b, 3 a + b
+    uint brief;       // 1: packed light is in brief
     vec2 light_scales; // on a and b of packed light
     int channel;   // the channel to show, or -1 for all
     float exposure;
@@ -69,8 +72,9 @@ void main() {
     vec4 value = push.look == CODE ? vec4(0.0) : texelFetch(in_image, at, 0);
     uvec4 code = texelFetch(in_codes, min(ivec3(p, int(push.layer)), textureSize(in_codes, 0) - 1), 0);
     if (push.values != 0u) {
-        vec2 middle = unpackHalf2x16(code.y);
-        vec3 a = push.light_scales.x * vec3(unpackHalf2x16(code.x), middle.x), b = push.light_scales.y * vec3(middle.y, unpackHalf2x16(code.z));
+        Light light = light_unpack(code);
+        if (push.brief != 0u) light = brief_unpack(code);
+        vec3 a = push.light_scales.x * light.a, b = push.light_scales.y * light.b;
         value.rgb = push.values == 1u ? a : push.values == 2u ? b : a + b;
     }
     vec4 other = texelFetch(in_other, min(at, textureSize(in_other, 0) - 1), 0);

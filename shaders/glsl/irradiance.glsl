@@ -8,6 +8,7 @@
 #include "brdf.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
+#include "light_units.glsl"
 #include "relit.glsl"
 #include "light.glsl"
 #include "list.glsl"

@@ -4,7 +4,7 @@
 // mean and spread of this frame's neighbourhood.
 // In: tiles, changes, mask, irradiance of this frame (or what atrous made of it, if it comes first), guide now and
 // a frame ago, motion; of the last frame accumulated, or a and b, and frames. Out: accumulated (a and b, with the
-// deviations of the mean), frames; where halves would not do a and b (w: second moment of the luminance).
+// deviations of the mean), frames; where that would not do a and b (w: second moment of the luminance).
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -17,7 +17,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 1) const int LAYER = 0;
 layout(constant_id = 2) const uint CLAMP = 1;
 layout(constant_id = 27) const uint LATTICE = 0;  // 1: the mask traces every second pixel of every second row
-layout(constant_id = 31) const uint HALVES = 0;   // 1: the history is kept in accumulated, as halves
+layout(constant_id = 31) const uint BRIEF = 0;    // 1: the history is kept in accumulated, in brief
 layout(constant_id = 12) const uint FILTERED = 0; // 1: atrous came first, and every pixel counts as traced
 
 layout(push_constant, scalar) uniform Push {
@@ -27,7 +27,7 @@ layout(push_constant, scalar) uniform Push {
     float history_change;
 } push;
 
-// The history of a surface. `spread` holds second moments of the luminances, or with HALVES variances.
+// The history of a surface. `spread` holds second moments of the luminances, or with BRIEF variances.
 struct History { vec3 a; vec3 b; vec2 spread; vec2 frames; };
 
 const History NOTHING = History(vec3(0.0), vec3(0.0), vec2(0.0), vec2(0.0));
@@ -43,8 +43,8 @@ vec2 counted(vec2 frames) {
 
 void add(inout History sum, ivec2 q, int layer, float w) {
     ivec3 at = ivec3(q, layer);
-    if (HALVES != 0u) {
-        Light light = light_unpack(imageLoad(accumulated, at));
+    if (BRIEF != 0u) {
+        Light light = brief_unpack(imageLoad(accumulated, at));
         sum.a += w * light.a;
         sum.b += w * light.b;
         sum.spread += w * light.deviation * light.deviation; // of the mean, until it is known how many frames that is of
@@ -86,7 +86,7 @@ History reproject(ivec2 p, uvec4 guide) {
     }
     if (total <= 0.01) return NOTHING;
     old = History(old.a / total, old.b / total, old.spread / total, old.frames / total);
-    if (HALVES != 0u) old.spread /= of_mean(counted(old.frames));
+    if (BRIEF != 0u) old.spread /= of_mean(counted(old.frames));
     return old;
 }
 
@@ -104,7 +104,7 @@ void main() {
     bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask == 1.0;
     bool known = fresh || light.deviation.x >= 0.0;
     if (!known) light = Light(vec3(0.0), vec3(0.0), vec2(0.0));
-    vec2 luma = vec2(luminance(light.a), luminance(light.b)), spread = HALVES != 0u ? vec2(0.0) : luma * luma;
+    vec2 luma = vec2(luminance(light.a), luminance(light.b)), spread = BRIEF != 0u ? vec2(0.0) : luma * luma;
     vec2 age = vec2(fresh ? 1.0 : known ? 0.5 : 0.0);
 
     History old = reproject(p, guide);
@@ -141,7 +141,7 @@ void main() {
         if (fresh) age = min(age + 1.0, counted(vec2(FAR)));
         vec2 blend = fresh ? 1.0 / max(age, vec2(1.0)) : vec2(0.0); // an interpolated value adds nothing to a history
         vec2 luma_old = vec2(luminance(old.a), luminance(old.b));
-        if (HALVES != 0u) spread = (1.0 - blend) * (old.spread + blend * (luma - luma_old) * (luma - luma_old));
+        if (BRIEF != 0u) spread = (1.0 - blend) * (old.spread + blend * (luma - luma_old) * (luma - luma_old));
         else spread = mix(old.spread, spread, blend);
         light.a = mix(old.a, light.a, blend.x);
         light.b = mix(old.b, light.b, blend.y);
@@ -149,12 +149,15 @@ void main() {
     }
     if (FAULT == FAULT_DRIFT) { light.a *= 1.2; light.b *= 1.2; }
     luma = vec2(luminance(light.a), luminance(light.b));
-    vec2 variance = HALVES != 0u ? spread : max(spread - luma * luma, vec2(0.0));
+    vec2 variance = BRIEF != 0u ? spread : max(spread - luma * luma, vec2(0.0));
     light.deviation = sqrt(variance * of_mean(counted(age)));
     imageStore(frames, kept, vec4(age, 0.0, 0.0));
-    if (HALVES == 0u) {
+    if (BRIEF != 0u) {
+        uint random = hash(in_view.view.frame + hash(uint(p.x) | uint(p.y) << 16u));
+        imageStore(accumulated, kept, known ? brief_pack_by_chance(light, random) : LIGHT_UNKNOWN);
+    } else {
         imageStore(a, kept, vec4(light.a, spread.x));
         if (has_b(LAYER)) imageStore(b, kept, vec4(light.b, spread.y));
         imageStore(accumulated, at, known ? light_pack(light) : LIGHT_UNKNOWN);
-    } else imageStore(accumulated, kept, known ? light_pack_by_chance(light, hash(in_view.view.frame + hash(uint(p.x) | uint(p.y) << 16u))) : LIGHT_UNKNOWN);
+    }
 }

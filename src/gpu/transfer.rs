@@ -116,17 +116,17 @@ impl Gpu {
         Ok(decode(image.format(), &self.read_bytes(image, layer, level)?))
     }
 
-    /// Reads one layer as the 16-bit floats that its texels of four 32-bit words hold, two in each word.
+    /// Reads one layer as the 16-bit numbers that its texels of four 32-bit words hold, two in each word.
     ///
     /// # Errors
     /// Fails with [`Error::Internal`] if there is no such layer or the texels have another size.
-    pub fn read_halves(&self, image: &Image, layer: u32) -> Result<Vec<[f32; 8]>> {
+    pub fn read_pairs(&self, image: &Image, layer: u32) -> Result<Vec<[u16; 8]>> {
         if image.format() != Format::Rgba32u {
-            return Err(Error::Internal(format!("{image:?} holds no packed halves")));
+            return Err(Error::Internal(format!("{image:?} holds no pairs of numbers")));
         }
-        let half = |bytes: &[u8], i: usize| half::f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32();
+        let number = |texel: &[u8], i: usize| u16::from_le_bytes([texel[2 * i], texel[2 * i + 1]]);
         let bytes = self.read_bytes(image, layer, 0)?;
-        Ok(bytes.chunks_exact(16).map(|texel| std::array::from_fn(|i| half(texel, i))).collect())
+        Ok(bytes.chunks_exact(16).map(|texel| std::array::from_fn(|i| number(texel, i))).collect())
     }
 
     fn read_bytes(&self, image: &Image, layer: u32, level: u32) -> Result<Vec<u8>> {

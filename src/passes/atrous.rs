@@ -37,7 +37,8 @@ impl Atrous {
                     ("RADIUS", settings.atrous_radius),
                     ("RAW", u32::from(first && of_this_frame(settings))),
                     ("FIRST", u32::from(first)),
-                    ("HALVES", u32::from(first && plan.history_in_halves())),
+                    ("BRIEF", u32::from(first && plan.history_in_brief())),
+                    ("LAST", u32::from(last)),
                     ("RESTS", u32::from(last && *layer == REAL && tells_noise(settings))),
                     role.projection(plan),
                 ];
@@ -80,6 +81,16 @@ impl Atrous {
     /// The image that holds a and b after the last level.
     pub fn result(settings: &Settings) -> &'static str {
         Self::name(settings.atrous_levels, settings)
+    }
+
+    /// Whether an image holds light in brief: between the accumulation and the last level.
+    pub fn in_brief(plan: &Plan, image: &str) -> bool {
+        let settings = &plan.settings;
+        match image {
+            "accumulated" => plan.history_in_brief(),
+            "filtered" | "scratch" => image != Self::result(settings),
+            _ => false,
+        }
     }
 
     fn name(level: u32, settings: &Settings) -> &'static str {

@@ -100,6 +100,7 @@ gpu_struct! {
         pub look: u32,
         pub layer: u32,
         pub values: u32,
+        pub brief: u32,
         pub light_scales: [f32; 2],
         pub channel: i32,
         pub exposure: f32,
@@ -130,6 +131,8 @@ pub struct Source<'a> {
     pub layer: u32,
     /// How it holds them.
     pub values: Values,
+    /// Whether packed light is in brief (`light_code.glsl`).
+    pub brief: bool,
     /// Factors on a and b of packed light.
     pub scales: [f32; 2],
     /// The one channel to show, or all for `None`.
@@ -176,13 +179,14 @@ impl Display {
 
     pub fn record(&self, frame: &mut Frame, input: &Input, picture: &Image) -> Result<()> {
         let [floats, codes] = &self.nothing;
-        let Source { image, layer, values, scales, channel } = input.source;
+        let Source { image, layer, values, brief, scales, channel } = input.source;
         let is_code = input.look == Meaning::Code || values != Values::Floats;
         let push = Push {
             size: picture.size(),
             look: input.look as u32,
             layer,
             values: values as u32,
+            brief: u32::from(brief),
             light_scales: scales,
             channel: channel.map_or(-1, |channel| channel as i32),
             exposure: input.exposure,

@@ -53,7 +53,7 @@ impl Temporal {
                 ("STANDS", stands as u32),
                 ("CLAMP", u32::from(clamp)),
                 ("LATTICE", u32::from(lattice)),
-                ("HALVES", u32::from(plan.history_in_halves())),
+                ("BRIEF", u32::from(plan.history_in_brief())),
                 ("FILTERED", u32::from(settings.filter_order == FilterOrder::SpatialFirst)),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Motion),

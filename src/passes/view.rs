@@ -191,8 +191,8 @@ enum Holds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum History {
     Never,
-    /// Where light is accumulated in halves ([`Plan::history_in_halves`]).
-    InHalves,
+    /// Where light is accumulated in brief ([`Plan::history_in_brief`]).
+    InBrief,
     Always,
 }
 
@@ -203,8 +203,8 @@ struct Declared {
     holds: Holds,
     /// Whether the previous frame's values are kept, in layers of their own.
     history: History,
-    /// Whether the image is left out where light is accumulated in halves.
-    unless_halves: bool,
+    /// Whether the image is left out where light is accumulated in brief.
+    unless_brief: bool,
     /// The image is left out if any of these parts is off.
     parts: &'static [Part],
     /// The image is left out if there are fewer levels of atrous.
@@ -217,26 +217,26 @@ struct Declared {
 
 impl Declared {
     const fn new(name: &'static str, format: Format, holds: Holds, parts: &'static [Part]) -> Self {
-        Self { name, format, holds, history: History::Never, unless_halves: false, parts, levels: 0, of_picture: false, packed: false }
+        Self { name, format, holds, history: History::Never, unless_brief: false, parts, levels: 0, of_picture: false, packed: false }
     }
 
     const fn with_history(self) -> Self {
         Self { history: History::Always, ..self }
     }
 
-    const fn with_history_in_halves(self) -> Self {
-        Self { history: History::InHalves, ..self }
+    const fn with_history_in_brief(self) -> Self {
+        Self { history: History::InBrief, ..self }
     }
 
-    const fn unless_halves(self) -> Self {
-        Self { unless_halves: true, ..self }
+    const fn unless_brief(self) -> Self {
+        Self { unless_brief: true, ..self }
     }
 
     fn keeps_history(&self, plan: &Plan) -> bool {
         plan.on(Part::Temporal)
             && match self.history {
                 History::Never => false,
-                History::InHalves => plan.history_in_halves(),
+                History::InBrief => plan.history_in_brief(),
                 History::Always => true,
             }
     }
@@ -258,8 +258,8 @@ impl Declared {
         let missing = self.parts.iter().copied().find(|part| !plan.on(*part));
         let filter = (plan.settings.atrous_levels < self.levels).then_some(Part::Atrous);
         let picture = (self.of_picture && role != Role::Picture).then_some(Part::VirtualSurfaces);
-        let halves = (self.unless_halves && plan.history_in_halves()).then_some(Part::Temporal);
-        missing.or(filter).or(picture).or(halves)
+        let brief = (self.unless_brief && plan.history_in_brief()).then_some(Part::Temporal);
+        missing.or(filter).or(picture).or(brief)
     }
 
     fn layers(&self, plan: &Plan, role: Role) -> u32 {
@@ -290,10 +290,10 @@ const DECLARED: &[Declared] = {
         Declared::new("radiance", Rgba32f, Pixel, &[]).of_picture(),
         Declared::new("mask", R32f, Surfaces, &[Objects]),
         Declared::new("irradiance", Rgba32u, Surfaces, &[Objects]).packed(),
-        Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history().unless_halves(),
-        Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history().unless_halves(),
+        Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history().unless_brief(),
+        Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history().unless_brief(),
         Declared::new("frames", Rg16f, Surfaces, &[Objects, Temporal]).with_history(),
-        Declared::new("accumulated", Rgba32u, Surfaces, &[Objects, Temporal]).packed().with_history_in_halves(),
+        Declared::new("accumulated", Rgba32u, Surfaces, &[Objects, Temporal]).packed().with_history_in_brief(),
         Declared::new("filtered", Rgba32u, Surfaces, &[Objects]).packed().at_levels(1),
         Declared::new("scratch", Rgba32u, Surfaces, &[Objects]).packed().at_levels(2),
     ]
@@ -304,7 +304,7 @@ pub fn of_surfaces(image: &str) -> bool {
     DECLARED.iter().any(|declared| declared.name == image && declared.holds != Holds::Pixel)
 }
 
-/// Whether an image holds a and b, as `light_code.glsl` packs them.
+/// Whether an image holds a and b, as `light_code.glsl` packs them, in full or in brief.
 pub fn is_packed(image: &str) -> bool {
     DECLARED.iter().any(|declared| declared.name == image && declared.packed)
 }

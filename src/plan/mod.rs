@@ -287,8 +287,8 @@ impl Plan {
         self.on(Part::Objects) || self.on(Part::OffCentre)
     }
 
-    /// Whether halves are exact enough to accumulate light in: over a short history, and where a filter follows.
-    pub fn history_in_halves(&self) -> bool {
+    /// Whether light is accumulated in brief (`light_code.glsl`): over a short history, and where a filter follows.
+    pub fn history_in_brief(&self) -> bool {
         const LONGEST: u32 = 256;
         let Settings { filter_order, atrous_levels, history, .. } = self.settings;
         self.on(Part::Temporal)

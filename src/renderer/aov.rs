@@ -3,13 +3,16 @@
 use super::{Renderer, filtered};
 use crate::{
     Error, Result,
+    gpu::Image,
     passes::{
+        atrous::Atrous,
         display::{Source, Values},
         resources::Resource,
         view::{REAL, VIRTUAL, is_packed, of_surfaces},
     },
     plan::Part,
 };
+use half::{bf16, f16};
 
 impl Renderer {
     /// The picture as linear radiance, RGBA, row 0 at the top.
@@ -25,7 +28,8 @@ impl Renderer {
         let (Some(light), Some(frames)) = (image("accumulated"), image("frames")) else { return Ok(0.0) };
         for &layer in self.picture.role.layers(&self.plan) {
             let scales = self.light_scales(layer).map(f64::from);
-            let texels = self.gpu.read_halves(light, self.picture.layer("accumulated", layer))?;
+            let brief = Atrous::in_brief(&self.plan, "accumulated");
+            let texels = self.read_light(light, self.picture.layer("accumulated", layer), brief)?;
             let frames = self.gpu.read_image(frames, self.picture.layer("frames", layer))?;
             for (texel, frames) in texels.into_iter().zip(frames) {
                 for lobe in 0..2 {
@@ -97,7 +101,7 @@ impl Renderer {
     }
 
     fn texels(&self, source: &Source) -> Result<Vec<[f32; 4]>> {
-        let Source { image, layer, values, scales: [a, b], .. } = *source;
+        let Source { image, layer, values, brief, scales: [a, b], .. } = *source;
         let light = |texel: [f32; 8]| {
             let rgb: [f32; 3] = std::array::from_fn(|i| match values {
                 Values::A => a * texel[i],
@@ -109,7 +113,13 @@ impl Renderer {
         if values == Values::Floats {
             return self.gpu.read_image(image, layer);
         }
-        Ok(self.gpu.read_halves(image, layer)?.into_iter().map(light).collect())
+        Ok(self.read_light(image, layer, brief)?.into_iter().map(light).collect())
+    }
+
+    /// a, b and their deviations, as `light_code.glsl` packs them in full or in brief.
+    fn read_light(&self, image: &Image, layer: u32, brief: bool) -> Result<Vec<[f32; 8]>> {
+        let number = |code| if brief { bf16::from_bits(code).to_f32() } else { f16::from_bits(code).to_f32() };
+        Ok(self.gpu.read_pairs(image, layer)?.into_iter().map(|texel| texel.map(number)).collect())
     }
 
     /// The factors that turn a and b of a layer, as images hold them, into W/m² up to the capture's scale.
@@ -155,6 +165,7 @@ impl Renderer {
                 image: found,
                 layer: self.picture.layer(image, layer),
                 values,
+                brief: Atrous::in_brief(&self.plan, image),
                 scales: self.light_scales(layer),
                 channel: (name == "object_id").then_some(3),
             }),
