@@ -257,7 +257,7 @@ settings! {
         mask_by: MaskBy = [MaskBy::History, MaskBy::Discontinuity, MaskBy::History, MaskBy::History], ANY, "", "what chooses the pixels";
         rays_per_pixel: f32 = [0.25, 0.25, 0.25, 1.0], [0.0625, 1.0], "paths a pixel and frame", "the share that `mask_by = history` traces, in sixteenths";
         short_history: u32 = [4, 0, 4, 0], [0.0, 64.0], "frames", "pixels with a shorter history are traced whatever the mask says; 0: none are";
-        rest_noise: f32 = [0.005, 0.0, 0.005, 0.0], [0.0, 1.0], "of the light", "while real surfaces stand still, tiles of them in which light errs by less than this have a quarter of their turns; 0: none rests";
+        rest_noise: f32 = [0.01, 0.0, 0.01, 0.0], [0.0, 1.0], "of the light", "while real surfaces stand still, tiles of them in which light errs by less than this have a quarter of their turns; 0: none rests";
         sharp_roughness: f32 = [0.3, 0.0, 0.3, 0.0], [0.0, 1.0], "", "virtual surfaces smoother than this are traced at every pixel";
         mask_angle: f32 = [10.0, 10.0, 10.0, 10.0], [0.0, 180.0], "degrees", "neighbouring normals farther apart are a discontinuity";
         mask_distance: f32 = [0.01, 0.01, 0.01, 0.01], [0.0, 1.0], "of the distance", "neighbouring positions farther from the tangent plane are a discontinuity";

@@ -21,7 +21,7 @@ layout(constant_id = 12) const uint RAW = 0;   // 1: the input is one frame's, a
 layout(constant_id = 13) const uint FIRST = 1; // 1: the first level, of step 1
 
 layout(constant_id = 31) const uint BRIEF = 0;  // 1: the first level reads an image with a history
-layout(constant_id = 32) const uint LAST = 1;   // 1: the last level, whose result is light in full
+layout(constant_id = 33) const uint LAST = 1;   // 1: the last level, whose result is rounded by chance, so that it has no steps
 layout(constant_id = 30) const uint RESTS = 0; // 1: the last level, which says how noisy a tile of real surfaces is
 
 layout(push_constant, scalar) uniform Push {
@@ -137,7 +137,7 @@ void main() {
         }
         known = true;
     }
-    imageStore(out_light, at, known ? (LAST != 0u ? light_pack(light) : brief_pack(light)) : LIGHT_UNKNOWN);
+    imageStore(out_light, at, known ? (LAST != 0u ? brief_pack_by_chance(light, hash(uint(p.x) | uint(p.y) << 16u)) : brief_pack(light)) : LIGHT_UNKNOWN);
     if (RESTS != 0u) {
         light_decode(LAYER, light);
         vec2 deviation = light.deviation / in_view.view.light_units;

@@ -26,13 +26,13 @@ void main() {
     }
     vec3 radiance = imageLoad(in_camera_radiance, p).rgb;
     if (LIT != 0u && in_view.view.instance_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, NOW(REAL)))) != NO_SURFACE) {
-        Light light = light_unpack(imageLoad(in_light, ivec3(p, REAL)));
+        Light light = result_unpack(imageLoad(in_light, ivec3(p, REAL)));
         light_decode(REAL, light);
         radiance = relight(radiance, light.a, light.b);
     }
     float coverage = VIRTUAL_SURFACES != 0u ? imageLoad(in_real_coverage, p).x : 1.0;
     if (coverage < 1.0) {
-        Light light = light_unpack(imageLoad(in_light, ivec3(p, VIRTUAL)));
+        Light light = result_unpack(imageLoad(in_light, ivec3(p, VIRTUAL)));
         light_decode(VIRTUAL, light);
         vec3 virtual_radiance = EMISSION != 0u ? imageLoad(in_emission, p).rgb : vec3(0.0);
         virtual_radiance += imageLoad(in_albedo_virtual, p).rgb * light.a * (1.0 / PI);

@@ -185,7 +185,7 @@ float traced_share(ivec2 p) {
     vec4 motion = imageLoad(in_motion, ivec3(p, REAL));
     ivec2 q = push.still != 0u ? p : ivec2(floor(vec2(p) + 0.5 + motion.xy));
     if (push.history_valid == 0u || motion.z <= 0.0 || !neighbour(q)) return 1.0;
-    Light last = light_unpack(imageLoad(in_light, ivec3(q, REAL)));
+    Light last = result_unpack(imageLoad(in_light, ivec3(q, REAL)));
     light_decode(REAL, last);
     if (last.deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, NOW(REAL)))) == NO_SURFACE) return 1.0;
     const float ALL = 0.04; // a relative change above which all rays are traced

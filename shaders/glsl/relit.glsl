@@ -22,7 +22,7 @@ vec3 relit(vec2 uv, vec3 radiance) {
     [[unroll]] for (int k = 0; k < 4; k++) {
         ivec2 o = ivec2(k & 1, k >> 1);
         float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
-        Light there = light_unpack(imageLoad(in_relit_light, ivec3(wrap_texel(i + o, size), REAL)));
+        Light there = result_unpack(imageLoad(in_relit_light, ivec3(wrap_texel(i + o, size), REAL)));
         light.a += w * there.a;
         light.b += w * there.b;
     }

@@ -18,6 +18,7 @@ layout(constant_id = 1) const int LAYER = 0;
 layout(constant_id = 2) const uint CLAMP = 1;
 layout(constant_id = 27) const uint LATTICE = 0;  // 1: the mask traces every second pixel of every second row
 layout(constant_id = 31) const uint BRIEF = 0;    // 1: the history is kept in accumulated, in brief
+layout(constant_id = 34) const uint INPUT_BRIEF = 0; // 1: this frame's light is in brief, as atrous leaves it
 layout(constant_id = 12) const uint FILTERED = 0; // 1: atrous came first, and every pixel counts as traced
 
 layout(push_constant, scalar) uniform Push {
@@ -55,6 +56,11 @@ void add(inout History sum, ivec2 q, int layer, float w) {
         sum.spread += w * vec2(old_a.w, old_b.w);
     }
     sum.frames += w * imageLoad(frames, at).xy;
+}
+
+Light light_of_frame(ivec3 at) {
+    if (INPUT_BRIEF != 0u) return brief_unpack(imageLoad(in_irradiance, at));
+    return light_unpack(imageLoad(in_irradiance, at));
 }
 
 // Returns the mean history of this surface, of length 0 if there is none.
@@ -100,7 +106,7 @@ void main() {
         return;
     }
     uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
-    Light light = light_unpack(imageLoad(in_irradiance, at));
+    Light light = light_of_frame(at);
     bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask == 1.0;
     bool known = fresh || light.deviation.x >= 0.0;
     if (!known) light = Light(vec3(0.0), vec3(0.0), vec2(0.0));
@@ -123,7 +129,7 @@ void main() {
                     float taken = imageLoad(in_mask, ivec3(q, LAYER)).x;
                     if (FILTERED != 0u ? taken == 0.0 : taken != 1.0) continue;
                     if (guide_id(imageLoad(in_guide, ivec3(q, NOW(LAYER)))) != guide_id(guide)) continue;
-                    Light other = light_unpack(imageLoad(in_irradiance, ivec3(q, LAYER)));
+                    Light other = light_of_frame(ivec3(q, LAYER));
                     mean_a += other.a; square_a += other.a * other.a;
                     mean_b += other.b; square_b += other.b * other.b;
                     count += 1.0;

@@ -83,12 +83,11 @@ impl Atrous {
         Self::name(settings.atrous_levels, settings)
     }
 
-    /// Whether an image holds light in brief: between the accumulation and the last level.
+    /// Whether an image holds light in brief: what this pass leaves, and what it reads if it can.
     pub fn in_brief(plan: &Plan, image: &str) -> bool {
-        let settings = &plan.settings;
         match image {
             "accumulated" => plan.history_in_brief(),
-            "filtered" | "scratch" => image != Self::result(settings),
+            "filtered" | "scratch" => true,
             _ => false,
         }
     }

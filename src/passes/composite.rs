@@ -24,6 +24,7 @@ impl Composite {
             let constants = [
                 ("RELIGHTING", plan.settings.relighting as u32),
                 ("LAYER", layer),
+                plan.result_in_brief(),
                 ("LISTED", u32::from(listed)),
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Specular),

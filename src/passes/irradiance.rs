@@ -43,6 +43,7 @@ impl Irradiance {
         let kernel = |layer: &u32| {
             let constants = [
                 ("LAYER", *layer),
+                plan.result_in_brief(),
                 ("ROULETTE", u32::from(roulette)),
                 role.projection(plan),
                 plan.constant(Part::RealTracer),
@@ -58,7 +59,12 @@ impl Irradiance {
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)
         };
         let aim = || {
-            let constants = [plan.constant(Part::RealTracer), plan.constant(Part::LightTable), role.projection(plan)];
+            let constants = [
+                plan.result_in_brief(),
+                plan.constant(Part::RealTracer),
+                plan.constant(Part::LightTable),
+                role.projection(plan),
+            ];
             Kernel::new::<IrradiancePush>(gpu, "aim", shaders::AIM, &constants)
         };
         Ok(Self {

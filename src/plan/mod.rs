@@ -297,6 +297,13 @@ impl Plan {
             && history <= LONGEST
     }
 
+    /// The constant that says whether the result of the filters is in brief.
+    pub fn result_in_brief(&self) -> Constant {
+        let Settings { filter_order, atrous_levels, .. } = self.settings;
+        let accumulated_last = self.on(Part::Temporal) && filter_order == FilterOrder::SpatialFirst;
+        ("RESULT_BRIEF", u32::from(atrous_levels > 0 && !accumulated_last))
+    }
+
     /// Whether not all rays from real surfaces that meet no object are traced.
     pub fn roulette(&self) -> bool {
         self.on(Part::Temporal)
