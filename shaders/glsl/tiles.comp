@@ -119,7 +119,7 @@ void main() {
             // Where objects hardly change the light, it is the video's own, whatever the video does to it; unless that is
             // so much that they may cast another shadow.
             float effect = RESTS != 0u && layer == uint(REAL) ? uintBitsToFloat(tile_light.item[2u * number + 1u]) : 1.0;
-            most.x *= clamp(max(effect, 4.0 * most.x), 0.0, 1.0);
+            most.x *= clamp(max(effect, 2.0 * most.x), 0.0, 1.0);
             change += most;
         }
         // Where a history keeps more than a few frames it can wait for its turn.
