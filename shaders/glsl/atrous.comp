@@ -78,7 +78,9 @@ void main() {
     vec2 inverse = vec2(0.0);
     if (push.sigma_luminance < FAR && FAULT != FAULT_FILTER_BLIND) {
         vec2 deviation = FIRST != 0u && RAW == 0u ? smooth_deviation(p) : light.deviation;
-        inverse = measure ? vec2(0.0) : 1.0 / (push.sigma_luminance * deviation + 1e-6);
+        // A change of 3 % of the light may be smoothed away, however well it is known, so that no grain is kept.
+        vec2 unseen = vec2(LAYER == REAL ? 0.03 * luma.x * in_view.view.light_units.y / in_view.view.light_units.x : 0.0);
+        inverse = measure ? vec2(0.0) : 1.0 / (push.sigma_luminance * deviation + unseen + 1e-6);
     }
 
     // A mirror is not filtered at all. A lobe of roughness ½ or more is filtered with the whole kernel.
