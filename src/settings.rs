@@ -291,6 +291,7 @@ settings! {
         sigma_luminance: f32 = [3.0, INFINITE, 3.0, 3.0], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e; inf: luminance does not count";
     }
     composite {
+        despeckle: bool = [true, false, true, false], ANY, "", "a real pixel's light changes by no more and no less than that of its neighbours: one or two pixels of noisy depth lie anywhere, even in objects";
         relighting: Relighting = [Relighting::EmissionKept, Relighting::Ratio, Relighting::EmissionKept, Relighting::EmissionKept], ANY, "", "how a real surface answers a change of its light, in the picture and in the relit map";
     }
 }
@@ -347,6 +348,7 @@ impl Settings {
             atrous_radius: reference.atrous_radius,
             sigma_luminance: reference.sigma_luminance,
             least_share: reference.least_share,
+            despeckle: reference.despeckle,
             ..self.clone()
         };
     }

@@ -15,7 +15,27 @@
 #include "tiles.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 1) const int LAYER = 0;
+layout(constant_id = 35) const uint DESPECKLE = 0;
 layout(constant_id = 29) const uint LISTED = 0; // 1: only the tiles of a layer that were visited are made again
+
+// Returns the factor that brings a pixel's relative change of light between the second least and the second greatest
+// of its neighbours'. One or two pixels of noisy depth lie anywhere, even in objects, and have nobody to be filtered
+// with.
+float among_neighbours(ivec2 p, Light light) {
+    float own = luminance(light.b) / max(luminance(light.a), 1e-20), count = 0.0;
+    vec2 least = vec2(FAR), greatest = vec2(-FAR); // and the second
+    [[unroll]] for (int k = 0; k < 9; k++) {
+        ivec2 q = p + ivec2(k % 3 - 1, k / 3 - 1);
+        if (k == 4 || !neighbour(q)) continue;
+        Light there = result_unpack(imageLoad(in_light, ivec3(q, REAL)));
+        float change = luminance(there.b) / max(luminance(there.a), 1e-20);
+        if (there.deviation.x < 0.0) continue;
+        least = vec2(min(least.x, change), min(least.y, max(least.x, change)));
+        greatest = vec2(max(greatest.x, change), max(greatest.y, min(greatest.x, change)));
+        count += 1.0;
+    }
+    return count < 4.0 || own == 0.0 ? 1.0 : clamp(own, least.y, greatest.y) / own;
+}
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
@@ -27,6 +47,7 @@ void main() {
     vec3 radiance = imageLoad(in_camera_radiance, p).rgb;
     if (LIT != 0u && in_view.view.instance_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, NOW(REAL)))) != NO_SURFACE) {
         Light light = result_unpack(imageLoad(in_light, ivec3(p, REAL)));
+        if (DESPECKLE != 0u) light.b *= among_neighbours(p, light);
         light_decode(REAL, light);
         radiance = relight(radiance, light.a, light.b);
     }

@@ -25,6 +25,7 @@ impl Composite {
                 ("RELIGHTING", plan.settings.relighting as u32),
                 ("LAYER", layer),
                 plan.result_in_brief(),
+                ("DESPECKLE", u32::from(plan.settings.despeckle)),
                 ("LISTED", u32::from(listed)),
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Specular),
