@@ -202,7 +202,7 @@ pub fn load_object(path: &Path) -> Result<(Object, Made)> {
         return Err(Error::input(path.display(), "is neither .glb nor .gltf", "drop a glTF model"));
     }
     let (model, warnings) = gltf::load(path)?;
-    warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    crate::warnings::tell(&warnings);
     if model.meshes.is_empty() {
         return Err(Error::input(path.display(), "holds no triangles", "drop a glTF model that has some"));
     }

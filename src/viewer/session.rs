@@ -12,6 +12,7 @@ use crate::{
     gpu::{Blit, PresentMode, Timings},
     scene::{Object, Scene, camera::Camera},
     settings::Method,
+    warnings,
 };
 use std::{
     path::{Path, PathBuf},
@@ -163,9 +164,7 @@ impl Session {
 
     /// Takes over a loaded scene.
     pub fn opened(&mut self, scene: Scene, origin: Origin, side: Side, exposure: f32) {
-        for warning in &scene.warnings {
-            tracing::warn!("{warning}");
-        }
+        warnings::tell(&scene.warnings);
         self.save_path = save::usual_place(&origin).display().to_string();
         self.sides[0] = side;
         self.exposure = exposure;
@@ -183,7 +182,7 @@ impl Session {
         if self.messages.iter().any(|message| message.text == text) {
             return;
         }
-        tracing::warn!("{text}");
+        warnings::remark(&text, &text);
         self.errors.push(text.clone());
         self.messages.push(Message { text, error: true, since: Instant::now() });
     }

@@ -5,6 +5,7 @@
 //! The tests of one file: `cargo nextest run renderer::` or `cargo test --test headless renderer::`.
 
 mod adding;
+mod agreement;
 mod bounces;
 mod bvh;
 mod cases;
@@ -15,6 +16,7 @@ mod compare;
 mod converged;
 mod devices;
 mod docs;
+mod fault_cases;
 #[cfg(feature = "faults")]
 mod faults;
 mod folder;
@@ -40,11 +42,13 @@ mod shapes;
 mod stability;
 mod stored;
 mod target;
+mod terminal;
 mod tracer;
 mod truth;
 mod truth_cli;
 mod unseen;
 mod view;
+mod vulkan_faults;
 
 /// SPIR-V of `tests/glsl/*.comp`.
 mod shaders {

@@ -16,14 +16,14 @@ use std::{
 };
 
 /// An X server without a screen; what it would show is in a file. It ends with the test.
-struct Display {
+pub struct Display {
     server: Child,
-    name: String,
+    pub name: String,
     folder: Folder,
 }
 
 impl Display {
-    fn start() -> Self {
+    pub fn start() -> Self {
         let folder = Folder::empty();
         let mut server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir"])
