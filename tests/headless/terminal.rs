@@ -167,7 +167,7 @@ fn a_warning_is_told_once_with_its_count_and_without_colour() {
     assert_eq!(output.status.code(), Some(0));
     let output = run(
         &folder,
-        "chart scene.toml -o chart --sweep small --size 8x8 --looks 1 --moving 0 --rounds 1 --truth-spp 16",
+        "chart scene.toml -o chart --sweep methods --size 8x8 --looks 1 --moving 0 --rounds 1 --truth-spp 16",
         |command| {
             command.env("IPRT_CACHE", folder.path("cache/deep"));
         },
