@@ -139,7 +139,7 @@ fn interrupted(args: &Args, [first, frame, last]: [u32; 3]) -> Error {
     Error::Interrupted {
         subject: args.output.display().to_string(),
         at: format!("after {} of {} pictures", frame - first, last - first + 1),
-        remedy: format!("those are kept; give --frames {frame}..{last} to go on"),
+        remedy: format!("they are kept; give --frames {frame}..{last} to go on"),
     }
 }
 
