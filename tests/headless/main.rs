@@ -8,6 +8,7 @@ mod adding;
 mod agreement;
 mod bounces;
 mod bvh;
+mod caches;
 mod cases;
 mod chart;
 mod cli;
@@ -20,6 +21,7 @@ mod fault_cases;
 #[cfg(feature = "faults")]
 mod faults;
 mod folder;
+mod fuzz;
 mod gltf;
 mod gpu;
 mod identities;
