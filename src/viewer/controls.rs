@@ -16,7 +16,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("drag", "look; on an object: move it along real surfaces"),
     ("Shift+drag, Ctrl+drag on an object", "turn it, scale it"),
     ("right drag", "look, whatever is under the pointer"),
-    ("wheel", "zoom; Ctrl: scale the selected object"),
+    ("wheel", "zoom; Ctrl: scale the selected object by a tenth a notch"),
     ("click", "select an object, or none"),
     ("W A S D, Q E", "move the camera level, down and up; Shift: faster"),
     ("C", "the scene's own camera"),

@@ -480,13 +480,13 @@ fn without_a_display_it_says_so() {
 
 #[test]
 fn a_window_asks_before_changes_are_lost() {
-    let (folder, display) = (folder(), Display::start());
+    let (folder, display) = (room(), Display::start());
     // Nothing was changed, or all of it was taken back: it closes. Otherwise it asks, and only then closes.
     for (script, asked) in [
         ("settle 1\nclose\nnote never", None),
-        ("settle 1\nclick left 80,60\nkey Equals\nkey ctrl+Z\nclose\nnote never", None),
+        ("key P\nsettle 1\nclick left 80,75\nkey Equals\nkey ctrl+Z\nclose\nnote never", None),
         (
-            "settle 1\nclick left 80,60\nkey Equals\nclose\nwait 3\nnote asked\nkey Escape\nwait 3\nnote went_on\nclose\nclose\nnote never",
+            "key P\nsettle 1\nclick left 80,75\nkey Equals\nclose\nwait 3\nnote asked\nkey Escape\nwait 3\nnote went_on\nclose\nclose\nnote never",
             Some("asked"),
         ),
     ] {
