@@ -15,6 +15,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+type Reader = dyn Fn(&[u8], &Path) -> Result<()>;
+
 /// Something that reads bytes, and the files that it begins with.
 struct Target {
     name: &'static str,
@@ -163,7 +165,7 @@ fn mutate(random: &mut fastrand::Rng, seeds: &[Vec<u8>]) -> Vec<u8> {
 fn feed(
     target: &Target,
     first_seed: u64,
-    read: &dyn Fn(&[u8], &Path) -> Result<()>,
+    read: &Reader,
     enough: &dyn Fn(u64) -> bool,
 ) -> (Option<(u64, Vec<u8>)>, u64) {
     let (seeds, folder) = (corpus(target), tempfile::tempdir().expect("a folder"));
@@ -240,7 +242,7 @@ fn pattern_is_survived() {
 #[test]
 fn each_target_finds_its_planted_bug() {
     let word = |bytes: &[u8], at: usize| bytes.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
-    let bugs: [(&str, Box<dyn Fn(&[u8], &Path) -> Result<()>>); 5] = [
+    let bugs: [(&str, Box<Reader>); 5] = [
         // The size of an image is multiplied as it is stored.
         (
             "image",
