@@ -134,7 +134,7 @@ pub fn hidden(text: &str) -> String {
         while let Some(at) = rest.find(path.as_str()) {
             let (before, after) = (rest[..at].chars().next_back(), rest[at + path.len()..].chars().next());
             let goes_on = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
-            let alone = !(goes_on(before) || before == Some('/')) && !goes_on(after);
+            let alone = !(goes_on(before) || before == Some('/') || goes_on(after));
             out += &rest[..at];
             out += if alone { written } else { path };
             rest = &rest[at + path.len()..];

@@ -1,7 +1,13 @@
 //! `check` refuses what `render` refuses, and nothing else: scenes are made at random, of good and bad values.
 
-use crate::{common::validated, folder::Folder};
-use iprt::{inspect::examine, options::RenderOptions, renderer::Renderer, scene::Scene};
+use crate::folder::Folder;
+use iprt::{
+    gpu::{Gpu, GpuOptions},
+    inspect::examine,
+    options::RenderOptions,
+    renderer::Renderer,
+    scene::Scene,
+};
 use std::fmt::Write as _;
 
 /// Values of a key, of which the first are good.
@@ -97,29 +103,29 @@ fn check_and_render_agree() {
         .save(folder.path("depth.png"))
         .expect("writes");
     let mut counts = [0, 0];
-    validated(|gpu| {
-        for seed in 0..60 {
-            let text = scene(&mut fastrand::Rng::with_seed(seed));
-            folder.write("scene.toml", &text);
-            let path = folder.path("scene.toml");
-            let problems = examine(&path).problems;
-            let rendered = Scene::load(&path).and_then(|scene| {
-                let options = RenderOptions { size: [8, 8], ..RenderOptions::of(&scene)? };
-                let mut renderer = Renderer::new(gpu, &scene, options)?;
-                renderer.render(&scene, 0.0)?;
-                renderer.picture()
-            });
-            match &rendered {
-                Ok(picture) => {
-                    assert!(problems.is_empty(), "seed {seed}: only check refuses: {problems:?}\n{text}");
-                    let finite = picture.iter().flatten().all(|value| value.is_finite());
-                    assert!(finite, "seed {seed}: the picture is not finite\n{text}");
-                }
-                Err(error) => assert!(!problems.is_empty(), "seed {seed}: only render refuses: {error}\n{text}"),
+    let gpu = Gpu::new(&GpuOptions { device: std::env::var("IPRT_DEVICE").ok(), ..GpuOptions::default() });
+    let gpu = gpu.expect("a device");
+    for seed in 0..60 {
+        let text = scene(&mut fastrand::Rng::with_seed(seed));
+        folder.write("scene.toml", &text);
+        let path = folder.path("scene.toml");
+        let problems = examine(&path).problems;
+        let rendered = Scene::load(&path).and_then(|scene| {
+            let options = RenderOptions { size: [8, 8], ..RenderOptions::of(&scene)? };
+            let mut renderer = Renderer::new(&gpu, &scene, options)?;
+            renderer.render(&scene, 0.0)?;
+            renderer.picture()
+        });
+        match &rendered {
+            Ok(picture) => {
+                assert!(problems.is_empty(), "seed {seed}: only check refuses: {problems:?}\n{text}");
+                let finite = picture.iter().flatten().all(|value| value.is_finite());
+                assert!(finite, "seed {seed}: the picture is not finite\n{text}");
             }
-            counts[usize::from(rendered.is_ok())] += 1;
+            Err(error) => assert!(!problems.is_empty(), "seed {seed}: only render refuses: {error}\n{text}"),
         }
-    });
+        counts[usize::from(rendered.is_ok())] += 1;
+    }
     assert!(counts.iter().all(|count| *count >= 12), "both kinds are tried: {counts:?}");
 }
 

@@ -25,7 +25,7 @@ struct Ran {
     peak: u64,
 }
 
-#[expect(clippy::zombie_processes, reason = "wait4 waits for it, and says how much memory it took")]
+#[allow(clippy::zombie_processes, reason = "wait4 waits for it, and says how much memory it took")]
 fn run(folder: &Folder, arguments: &[&str]) -> Ran {
     let (file, mut usage, mut status) = (folder.path("stderr"), std::mem::MaybeUninit::<libc::rusage>::zeroed(), 0);
     let mut command = folder.command();
@@ -126,7 +126,7 @@ fn memory_is_asked_for_before_it_is_taken() {
 
     // Accessors of zeros, which no byte of the file stands for.
     let many = "{\"componentType\": 5126, \"type\": \"VEC3\", \"count\": 4000000}";
-    let accessors = vec![many; 24].join(",");
+    let accessors = [many; 24].join(",");
     let targets: Vec<_> = (1..24).map(|index| format!("{{\"POSITION\": {index}}}")).collect();
     let gltf = format!(
         "{{\"asset\": {{\"version\": \"2.0\"}}, \"accessors\": [{accessors}], \"nodes\": [{{\"mesh\": 0}}], \"meshes\": \
