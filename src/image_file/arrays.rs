@@ -60,7 +60,7 @@ fn shaped(shape: &[usize], samples: Samples) -> Decoded {
 
 /// Numbers of a type as NumPy names it, like `<f4`.
 fn numbers(bytes: &[u8], kind: &str, count: usize) -> std::result::Result<Samples, String> {
-    if let Some(problem) = budget::refusal(count as u64 * 24) {
+    if let Some(problem) = budget::refusal((count as u64).saturating_mul(24)) {
         return Err(problem);
     }
     let (order, kind) = kind.split_at(kind.len().min(1));

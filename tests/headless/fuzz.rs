@@ -4,7 +4,7 @@
 
 use glam::Vec3;
 use iprt::{
-    Result,
+    Error, Result,
     image_file::read,
     panorama::pattern::Pattern,
     scene::{Scene, file::read_scene_file, gltf},
@@ -161,13 +161,15 @@ fn mutate(random: &mut fastrand::Rng, seeds: &[Vec<u8>]) -> Vec<u8> {
     bytes
 }
 
+/// An input that is not read as it should be.
+struct Found {
+    seed: u64,
+    bytes: Vec<u8>,
+    why: String,
+}
+
 /// Feeds mutated inputs to `read` until `enough` says so. Returns the first that it panics at, and how many were read.
-fn feed(
-    target: &Target,
-    first_seed: u64,
-    read: &Reader,
-    enough: &dyn Fn(u64) -> bool,
-) -> (Option<(u64, Vec<u8>)>, u64) {
+fn feed(target: &Target, first_seed: u64, read: &Reader, enough: &dyn Fn(u64) -> bool) -> (Option<Found>, u64) {
     let (seeds, folder) = (corpus(target), tempfile::tempdir().expect("a folder"));
     let mut accepted = 0;
     for count in 0.. {
@@ -181,15 +183,22 @@ fn feed(
             None => mutate(&mut fastrand::Rng::with_seed(seed), &seeds),
         };
         let start = Instant::now();
-        match catch_unwind(AssertUnwindSafe(|| read(&bytes, folder.path()))) {
-            Ok(Ok(())) => accepted += 1,
-            Ok(Err(error)) if error.to_string().contains(['\n', '\r']) => return (Some((seed, bytes)), accepted),
-            Ok(Err(_)) => {}
-            Err(_) => return (Some((seed, bytes)), accepted),
-        }
-        if start.elapsed() > Duration::from_secs(60) {
-            return (Some((seed, bytes)), accepted);
-        }
+        let why = match catch_unwind(AssertUnwindSafe(|| read(&bytes, folder.path()))) {
+            Ok(answer) if start.elapsed() > Duration::from_secs(60) => format!("takes a minute: {answer:?}"),
+            Ok(Ok(())) => {
+                accepted += 1;
+                continue;
+            }
+            // What stands in front is the name, which the terminal shows in one line.
+            Ok(Err(Error::Input { problem, remedy, .. }))
+                if ![&problem, &remedy].iter().any(|text| text.contains(['\n', '\r'])) =>
+            {
+                continue;
+            }
+            Ok(Err(error)) => format!("is refused by {error:?}"),
+            Err(_) => "panics".to_owned(),
+        };
+        return (Some(Found { seed, bytes, why }), accepted);
     }
     (None, accepted)
 }
@@ -205,10 +214,10 @@ fn fuzz(name: &str) {
         None => count >= 600,
     };
     let (found, accepted) = feed(target, first, &target.read, &enough);
-    if let Some((seed, bytes)) = found {
+    if let Some(Found { seed, bytes, why }) = found {
         let kept = std::env::temp_dir().join(format!("iprt-fuzz-{name}-{seed}"));
         std::fs::write(&kept, &bytes).expect("writes");
-        panic!("{name}: seed {seed} panics, hangs or refuses in several lines; it is kept as {}", kept.display());
+        panic!("{name}: seed {seed} {why}; it is kept as {}", kept.display());
     }
     assert!(accepted >= corpus(target).len() as u64 / 2, "{name}: {accepted} inputs were read");
 }
