@@ -15,7 +15,8 @@ use tiff::{
 
 /// Decodes such a file; `None` if it is none.
 pub(super) fn decode(bytes: &[u8], subject: &str) -> Option<Result<Raster>> {
-    let damaged = |problem: String| Error::input(subject, format!("cannot be decoded: {problem}"), "write it again");
+    let damaged =
+        |problem: String| Error::input(subject, format!("cannot be decoded: {}", one_line(&problem)), "write it again");
     let array = match bytes {
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => npy(bytes),
         [b'P', b'K', 3, 4, ..] => npz(bytes),
@@ -63,7 +64,8 @@ fn numbers(bytes: &[u8], kind: &str, count: usize) -> std::result::Result<Sample
     if let Some(problem) = budget::refusal((count as u64).saturating_mul(24)) {
         return Err(problem);
     }
-    let (order, kind) = kind.split_at(kind.len().min(1));
+    // What is no letter is no order of bytes.
+    let (order, kind) = kind.split_at_checked(1).unwrap_or(("", kind));
     let size: usize = kind.get(1..).and_then(|size| size.parse().ok()).unwrap_or(0);
     let total = count.checked_mul(size).filter(|total| *total <= bytes.len() && size > 0);
     let Some(total) = total else {
@@ -279,6 +281,9 @@ mod tests {
             b"Pf\n0 0\n-1\n".to_vec(),
             b"PIEH\xff\xff\xff\xff\xff\xff\xff\xff".to_vec(),
             b"PK\x03\x04".to_vec(),
+            npy_file("\u{e9}f4", "(1, 1)", &[0; 8]),
+            npy_file("<f4\n\r", "(1, 1)", &[0; 8]),
+            npy_file("<f4", "(4294967296, 4294967295)", &[0; 8]),
         ] {
             let line = read(&bytes).expect_err("refused");
             assert!(line.starts_with("f: ") && !line.contains('\n'), "{line}");
