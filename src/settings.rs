@@ -235,6 +235,12 @@ settings! {
         specular: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "the GGX lobe of virtual surfaces";
         emission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces that shine";
         textures: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "textures of virtual surfaces";
+        alpha: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "holes and half-transparent parts of virtual surfaces (alpha mask and blend)";
+        transmission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces through which light passes: thin sheets, glass";
+        clearcoat: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "clear coats over virtual surfaces";
+        sheen: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "fibres over virtual surfaces";
+        anisotropy: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces that are rougher along one direction";
+        iridescence: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "thin films over virtual surfaces";
     }
     normals {
         normal_radius: u32 = [0, 0, 0, 0], [0.0, 64.0], "texels", "radius of the plane fits that give normals; 0: from the capture (1 for float depth, wider for integer codes)";

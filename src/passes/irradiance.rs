@@ -50,11 +50,10 @@ impl Irradiance {
                 ("RELIGHTING", settings.relighting as u32),
                 plan.constant(Part::LightTable),
                 plan.constant(Part::VirtualSurfaces),
-                plan.constant(Part::Specular),
                 plan.constant(Part::Emission),
-                plan.constant(Part::Textures),
                 plan.constant(Part::Bounces),
             ];
+            let constants = [&constants[..], &plan.materials()].concat();
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)
         };
         let aim = || {

@@ -1,7 +1,7 @@
 //! The virtual objects on the device.
 
 use super::{
-    brdf::brdf_table,
+    bsdf::{ggx_table, sheen_table},
     resources::{Resource, Resources},
 };
 use crate::{
@@ -30,7 +30,7 @@ impl SceneBuffers {
         add("materials", gpu.buffer_with("materials", &scene.materials)?);
         add("textures", gpu.buffer_with("textures", &scene.textures)?);
         add("texels", gpu.buffer_with("texels", &scene.texels)?);
-        add("energy", gpu.buffer_with("brdf energy", &brdf_table())?);
+        add("energy", gpu.buffer_with("energy of lobes", &[ggx_table(), sheen_table()].concat())?);
         let top = gpu.buffer("instances", (instances * size_of::<Instance>()) as u64)?;
         add("instances", top.clone());
         // what was there and what is there

@@ -13,6 +13,7 @@ use crate::{
         scene::{SceneBuffers, relative_to},
         view::ViewData,
     },
+    plan::facts::material_constants,
     scene::{
         packed::{PackedInstances, PackedScene},
         viewpoint::Viewpoint,
@@ -180,7 +181,7 @@ impl PathTracer {
         let image = |name| Ok((name, gpu.image(name, size, 1, 1, Format::Rgba32f)?));
         Ok(Self {
             gpu: gpu.clone(),
-            kernel: Kernel::new::<Push>(gpu, "path_trace", shaders::PATH_TRACE, &[])?,
+            kernel: Kernel::new::<Push>(gpu, "path_trace", shaders::PATH_TRACE, &material_constants(scene))?,
             scene: buffers,
             view,
             view_buffer: gpu.buffer("path_trace view", size_of::<ViewData>() as u64)?,

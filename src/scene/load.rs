@@ -133,7 +133,7 @@ impl CompleteScene {
         if !room.is_file() {
             return Err(missing(path, "room.gltf", room));
         }
-        let mut room = Model::clone(&*loader.gltf(room)?);
+        let mut room = Model::clone(&*loader.gltf(room, None)?);
         for material in &mut room.materials {
             material.emissive *= file.panorama.exposure;
         }
@@ -217,7 +217,7 @@ fn assemble(
 /// Loads each glTF file once.
 struct Loader<'a> {
     scene: &'a Path,
-    models: HashMap<PathBuf, Arc<Model>>,
+    models: HashMap<(PathBuf, Option<String>), Arc<Model>>,
     warnings: Vec<String>,
 }
 
@@ -231,7 +231,7 @@ impl<'a> Loader<'a> {
             ObjectSource::Gltf(path) if !path.exists() => {
                 return Err(missing(self.scene, &format!("object {}: gltf", spec.name), path));
             }
-            ObjectSource::Gltf(path) => self.gltf(path)?,
+            ObjectSource::Gltf(path) => self.gltf(path, spec.variant.as_deref())?,
             ObjectSource::Shape(shape, size) => {
                 // Grey plastic serves better here than glTF's default, a white metal.
                 let material = Material::plain(&spec.name, Vec3::splat(0.8), 0.5);
@@ -263,14 +263,15 @@ impl<'a> Loader<'a> {
         Ok(object)
     }
 
-    fn gltf(&mut self, path: &Path) -> Result<Arc<Model>> {
-        if let Some(model) = self.models.get(path) {
+    fn gltf(&mut self, path: &Path, variant: Option<&str>) -> Result<Arc<Model>> {
+        let key = (path.to_path_buf(), variant.map(str::to_owned));
+        if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
-        let (model, warnings) = gltf::load(path)?;
+        let (model, warnings) = gltf::load_variant(path, variant)?;
         self.warnings.extend(warnings);
         let model = Arc::new(model);
-        self.models.insert(path.to_path_buf(), model.clone());
+        self.models.insert(key, model.clone());
         Ok(model)
     }
 }

@@ -7,7 +7,7 @@ use super::{
     material::{Material, Texture},
     punctual::PunctualLight,
 };
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 
 /// Triangles in object space, metres. All per-vertex arrays have the length of `positions`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,8 +21,10 @@ pub struct Mesh {
     /// As in glTF, `w` is the bitangent's sign. Zero means that there is no normal mapping. If empty, all are
     /// zero.
     pub tangents: Vec<[f32; 4]>,
-    /// Factors on the base colour, linear, 0..1. If empty, all are one.
-    pub colors: Vec<Vec3>,
+    /// The second coordinates. If empty, all are zero.
+    pub uvs2: Vec<Vec2>,
+    /// Factors on the base colour and on alpha, linear, 0..1. If empty, all are one.
+    pub colors: Vec<Vec4>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// The material of each triangle: an index into the model's.

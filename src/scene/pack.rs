@@ -4,18 +4,19 @@
 use super::{
     bounds::Bounds,
     bvh,
+    material::{TexelEncoding, Texture, TextureUse},
     mips::{level_count, level_size, with_mips},
     model::{Mesh, Model},
     packed::{self, PackedScene, TriangleGeometry, TriangleShading, Vertex},
 };
 use crate::{Error, Result};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// The most texels of all textures: 128 MiB, the largest storage buffer that every Vulkan device allows.
 /// Beyond it the largest textures lose their finest levels.
 pub const MAX_TEXELS: usize = 1 << 25;
-/// The most triangles of all models, and the most vertices (40 bytes each, again 128 MiB).
-pub const MAX_ELEMENTS: usize = (1 << 27) / 40;
+/// The most triangles of all models, and the most vertices (48 bytes each, again 128 MiB).
+pub const MAX_ELEMENTS: usize = (1 << 27) / 48;
 
 /// Where a packed mesh is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,24 +46,30 @@ pub fn pack(models: &[&Model]) -> Result<Packed> {
     let mut first_levels = first_levels.into_iter();
     for model in models {
         let scene = &mut packed.scene;
-        let first_texture = scene.textures.len() as u32;
         let first_material = scene.materials.len() as u32;
-        for texture in &model.textures {
-            let first_level = first_levels.next().unwrap_or(0);
-            let size = level_size(texture.size, first_level);
-            scene.textures.push(packed::PackedTexture {
-                offset: scene.texels.len() as u32,
-                width: size[0],
-                height: size[1],
-                levels: level_count(size),
-                wrap_u: texture.wrap[0] as u32,
-                wrap_v: texture.wrap[1] as u32,
-                srgb: u32::from(texture.encoding == super::material::TexelEncoding::Srgb),
-                nearest: u32::from(texture.nearest),
+        let textures: Vec<packed::PackedTexture> = model
+            .textures
+            .iter()
+            .map(|texture| pack_texture(&mut scene.texels, texture, first_levels.next().unwrap_or(0)))
+            .collect();
+        // A texture that lies on surfaces in several ways has an entry for each.
+        let mut known: Vec<(TextureUse, u32)> = Vec::new();
+        for material in &model.materials {
+            let entries = material.textures.map(|used| {
+                let Some((used, texture)) = used.and_then(|used| Some((used, textures.get(used.texture)?))) else {
+                    return packed::NONE;
+                };
+                if let Some((_, entry)) = known.iter().find(|(other, _)| *other == used) {
+                    return *entry;
+                }
+                let [x, y, z] = [used.transform.x_axis, used.transform.y_axis, used.transform.translation];
+                let transform = [[x.x, y.x, z.x], [x.y, y.y, z.y]];
+                known.push((used, scene.textures.len() as u32));
+                scene.textures.push(packed::PackedTexture { set: used.set as u32, transform, ..*texture });
+                scene.textures.len() as u32 - 1
             });
-            scene.texels.extend(with_mips(texture, first_level));
+            scene.materials.push(material.pack(entries));
         }
-        scene.materials.extend(model.materials.iter().map(|material| material.pack(first_texture)));
         let mut meshes = Vec::new();
         for mesh in &model.meshes {
             check_mesh(mesh, model)?;
@@ -102,12 +109,32 @@ fn fit_textures(models: &[&Model], warnings: &mut Vec<String>) -> Vec<u32> {
     levels
 }
 
+/// Adds the texels of a texture, and says where they are.
+fn pack_texture(texels: &mut Vec<u32>, texture: &Texture, first_level: u32) -> packed::PackedTexture {
+    let size = level_size(texture.size, first_level);
+    let offset = texels.len() as u32;
+    texels.extend(with_mips(texture, first_level));
+    packed::PackedTexture {
+        offset,
+        width: size[0],
+        height: size[1],
+        levels: level_count(size),
+        wrap_u: texture.wrap[0] as u32,
+        wrap_v: texture.wrap[1] as u32,
+        srgb: u32::from(texture.encoding == TexelEncoding::Srgb),
+        nearest: u32::from(texture.nearest),
+        ..Default::default()
+    }
+}
+
 /// Callers may pass models from memory, so the arrays are checked here, too.
 fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
     let subject = || format!("{}: mesh {}", model.name, mesh.name);
     let vertices = mesh.positions.len();
     let lengths_fit = mesh.normals.len() == vertices
-        && [mesh.uvs.len(), mesh.tangents.len(), mesh.colors.len()].iter().all(|n| *n == 0 || *n == vertices)
+        && [mesh.uvs.len(), mesh.uvs2.len(), mesh.tangents.len(), mesh.colors.len()]
+            .iter()
+            .all(|n| *n == 0 || *n == vertices)
         && mesh.materials.len() == mesh.triangles.len();
     let indices_fit = mesh.triangles.iter().flatten().all(|index| (*index as usize) < vertices)
         && mesh.materials.iter().all(|material| (*material as usize) < model.materials.len());
@@ -120,9 +147,10 @@ fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
     Ok(())
 }
 
-fn pack_color(linear: Vec3) -> u32 {
-    let code = |value: f32| (value.clamp(0.0, 1.0).sqrt() * 255.0 + 0.5) as u8;
-    u32::from_le_bytes([code(linear.x), code(linear.y), code(linear.z), 255])
+fn pack_color(linear: Vec4) -> u32 {
+    let code = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+    let root = |value: f32| code(value.max(0.0).sqrt());
+    u32::from_le_bytes([root(linear.x), root(linear.y), root(linear.z), code(linear.w)])
 }
 
 fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Option<PackedMesh>, usize) {
@@ -157,6 +185,7 @@ fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Opti
             uv: mesh.uvs.get(index).copied().unwrap_or_default(),
             tangent: mesh.tangents.get(index).copied().unwrap_or_default(),
             color: mesh.colors.get(index).map_or(u32::MAX, |color| pack_color(*color)),
+            uv2: mesh.uvs2.get(index).copied().unwrap_or_default(),
         });
     }
     for item in &tree.order {

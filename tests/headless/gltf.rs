@@ -11,6 +11,7 @@ use iprt::{
         clip::Property,
         file::RenderSettings,
         gltf,
+        material::{Alpha, Slot},
         model::Model,
     },
 };
@@ -115,8 +116,9 @@ fn the_water_bottle_has_all_its_textures() {
     let (model, warnings) = load("WaterBottle/WaterBottle.gltf");
     assert!(warnings.is_empty(), "{warnings:?}");
     let material = &model.materials[0];
-    assert!(material.base_color_texture.is_some() && material.metallic_roughness_texture.is_some());
-    assert!(material.normal_texture.is_some() && material.emissive_texture.is_some());
+    for slot in [Slot::BaseColor, Slot::MetallicRoughness, Slot::Normal, Slot::Emissive] {
+        assert!(material.texture(slot).is_some(), "{slot:?}");
+    }
     let height = scene_of(model).object_bounds(0, 0.0);
     assert!(((height.max - height.min).y - 0.26).abs() < 0.02);
 }
@@ -126,8 +128,6 @@ fn unsupported_features_are_named() {
     for (file, feature) in [
         ("RiggedFigure/RiggedFigure.glb", "an animated skin"),
         ("AnimatedMorphCube/AnimatedMorphCube.glb", "a morph target"),
-        ("AlphaBlendModeTest/AlphaBlendModeTest.glb", "alpha mode BLEND"),
-        ("glass-table/glass-table.glb", "KHR_materials_transmission"),
     ] {
         let (_, warnings) = load(file);
         assert!(warnings.iter().any(|w| w.contains(feature) && w.contains(file)), "{file}: {warnings:?}");
@@ -140,7 +140,7 @@ fn missing_normals_are_flat_and_missing_tangents_are_made() {
     assert_eq!(model.meshes[0].normals, [Vec3::Z; 3]);
     let (model, _) = load("NormalTangentTest/NormalTangentTest.glb");
     for (mesh, normal_mapped) in
-        model.meshes.iter().map(|m| (m, model.materials[m.materials[0] as usize].normal_texture))
+        model.meshes.iter().map(|m| (m, model.materials[m.materials[0] as usize].texture(Slot::Normal)))
     {
         for (tangent, normal) in mesh.tangents.iter().zip(&mesh.normals) {
             let [x, y, z, sign] = *tangent;
@@ -161,24 +161,60 @@ fn sparse_accessors_replace_positions() {
 }
 
 #[test]
-fn texture_transforms_are_baked() {
+fn texture_transforms_are_kept_for_each_texture() {
     let (model, _) = load("TextureTransformTest/TextureTransformTest.gltf");
-    let uvs = |name: &str| {
+    let placed = |name: &str, uv: Vec2| {
         let node = model.rig.nodes.iter().find(|node| node.name == name).unwrap_or_else(|| panic!("no node {name}"));
-        model.meshes[node.mesh.expect("a mesh")].uvs.clone()
+        let mesh = &model.meshes[node.mesh.expect("a mesh")];
+        let texture = model.materials[mesh.materials[0] as usize].texture(Slot::BaseColor).expect("a texture");
+        assert_eq!(texture.set, 0);
+        texture.transform.transform_point2(uv)
     };
-    let names: Vec<_> = model.rig.nodes.iter().map(|node| node.name.as_str()).collect();
-    println!("{names:?}");
-    let max = |uvs: &[Vec2]| uvs.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max);
-    let min = |uvs: &[Vec2]| uvs.iter().copied().fold(Vec2::INFINITY, Vec2::min);
-    // Offset U is 0.5 over half the image, Rotation 0.39 rad about the upper left corner.
-    let offset = uvs("Offset U");
-    assert!(
-        min(&offset).abs_diff_eq(Vec2::new(0.5, 0.0), 1e-4) && max(&offset).abs_diff_eq(Vec2::new(1.0, 0.5), 1e-4),
-        "{offset:?}"
-    );
-    let rotation = uvs("Rotation");
-    assert!(min(&rotation).y < -0.1, "counter-clockwise with v down: {rotation:?}");
+    assert!(placed("Offset U", Vec2::ZERO).abs_diff_eq(Vec2::new(0.5, 0.0), 1e-4));
+    // 0.39 rad about the upper left corner, counter-clockwise with v down
+    let rotated = placed("Rotation", Vec2::X);
+    assert!(rotated.x > 0.0 && rotated.y < -0.1, "{rotated}");
+}
+
+/// Two textures of one material by different sets, and colours of vertices in each of their types.
+#[test]
+fn a_texture_has_its_own_coordinates_and_colours_have_alpha() {
+    let bytes: Vec<u8> = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+        .as_flattened()
+        .iter()
+        .chain(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+        .flat_map(|v| v.to_le_bytes())
+        .chain([255, 0, 0, 128, 0, 255, 0, 255, 0, 0, 255, 0])
+        .chain([1u16 << 15, 0, 0, u16::MAX, 0, 0, 0, 0, 0, 0, 0, 0].into_iter().flat_map(u16::to_le_bytes))
+        .collect();
+    let text: String = bytes.iter().map(|byte| format!("%{byte:02x}")).collect();
+    let pixel = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
+    for (color, kind, first) in [(2, 5121, [1.0, 0.0, 0.0, 0.5]), (3, 5123, [0.5, 0.0, 0.0, 1.0])] {
+        let (model, warnings) = inline(&format!(
+            r#""scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+            "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1,"TEXCOORD_3":1,"COLOR_0":2}},"material":0}}]}}],
+            "buffers":[{{"byteLength":96,"uri":"data:application/octet-stream,{text}"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":24}},
+                {{"buffer":0,"byteOffset":60,"byteLength":12}},{{"buffer":0,"byteOffset":72,"byteLength":24}}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"type":"VEC3","count":3}},
+                {{"bufferView":1,"componentType":5126,"type":"VEC2","count":3}},
+                {{"bufferView":{color},"componentType":{kind},"normalized":true,"type":"VEC4","count":3}}],
+            "images":[{{"uri":"{pixel}"}}],"textures":[{{"source":0}}],
+            "materials":[{{"alphaMode":"MASK","pbrMetallicRoughness":{{"baseColorTexture":{{"index":0,"texCoord":3}},
+                "metallicRoughnessTexture":{{"index":0,"extensions":{{"KHR_texture_transform":{{"scale":[2,3]}}}}}}}}}}]"#
+        ))
+        .expect("loads");
+        assert!(warnings.is_empty(), "{warnings:?}");
+        let (mesh, material) = (&model.meshes[0], &model.materials[0]);
+        assert_eq!((&mesh.uvs, material.alpha_mode), (&mesh.uvs2, Alpha::Mask(0.5)));
+        let [base, rough] = [Slot::BaseColor, Slot::MetallicRoughness].map(|slot| material.texture(slot).expect("one"));
+        assert_eq!((base.set, rough.set), (0, 1), "sets 3 and 0 of the file");
+        assert!(base.is_plain() && rough.transform.transform_point2(Vec2::ONE) == Vec2::new(2.0, 3.0));
+        assert!(mesh.colors[0].abs_diff_eq(first.into(), 0.01), "{:?}", mesh.colors);
+        let scene = scene_of(model);
+        let [a, b] = [base, rough].map(|texture| texture.set);
+        assert_eq!(scene.packed.textures.iter().map(|t| t.set as usize).collect::<Vec<_>>(), [a, b]);
+    }
 }
 
 #[test]

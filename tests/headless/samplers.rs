@@ -23,7 +23,8 @@ gpu_struct! {
         pub normal: Vec3,
         pub to_eye: Vec3,
         pub roughness: f32,
-        pub specular: u32,
+        pub anisotropy: f32,
+        pub lobe: u32,
         pub per_thread: u32,
     }
 }
@@ -151,7 +152,8 @@ fn the_lambert_lobe_is_drawn_by_the_cosine() {
     validated(|gpu| {
         let tilted = vec3(0.4, -0.7, 0.59).normalize();
         for normal in [Vec3::Y, Vec3::Z, Vec3::NEG_Z, tilted, vec3(1e-3, -1e-3, -1.0).normalize()] {
-            let push = LobePush { normal, to_eye: normal, roughness: 1.0, specular: 0, per_thread: PER_THREAD };
+            let push =
+                LobePush { normal, to_eye: normal, roughness: 1.0, anisotropy: 0.0, lobe: 0, per_thread: PER_THREAD };
             let samples = lobe_samples(gpu, push);
             let n = normal.as_dvec3();
             let [x, y] = across(n);
@@ -230,7 +232,7 @@ fn the_ggx_lobe_is_drawn_by_its_visible_normals() {
             for degrees in [0.0f64, 45.0, 80.0, 89.0] {
                 let (sin, cos) = degrees.to_radians().sin_cos();
                 let to_eye = (n * cos + (0.8 * x - 0.6 * y) * sin).as_vec3();
-                let push = LobePush { normal, to_eye, roughness, specular: 1, per_thread: PER_THREAD };
+                let push = LobePush { normal, to_eye, roughness, anisotropy: 0.0, lobe: 1, per_thread: PER_THREAD };
                 let samples = lobe_samples(gpu, push);
                 let excess_of = |alpha: f64| {
                     let claim = VisibleNormals { o: local(to_eye.as_dvec3()).normalize(), alpha };

@@ -7,19 +7,25 @@ use super::{
     skin::{self, Influence},
     tangent,
 };
-use crate::scene::model::{Mesh, Model};
-use glam::{Mat4, Vec2, Vec3};
+use crate::scene::{
+    material::TextureUse,
+    model::{Mesh, Model},
+};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 
-/// One primitive. Every array is empty or has an entry for each position.
+/// One primitive. Every array of vertices is empty or has an entry for each position.
 #[derive(Default)]
 struct Part {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
+    uvs2: Vec<Vec2>,
     tangents: Vec<[f32; 4]>,
     /// Linear.
-    colors: Vec<Vec3>,
+    colors: Vec<Vec4>,
     triangles: Vec<[u32; 3]>,
+    /// The texture along whose coordinates tangents are made.
+    along: Option<TextureUse>,
 }
 
 /// Reads mesh `index`, and adds its materials and textures to `model`. With `joints` its vertices stand where
@@ -38,17 +44,22 @@ pub(super) fn load(
     }
     for (number, primitive) in source.list("primitives").enumerate() {
         let user = format!("mesh {index}, primitive {number}");
-        let material = materials.get(file, primitive.index("material"), model);
+        let mappings = primitive.extension("KHR_materials_variants").list("mappings");
+        let varied = file.variant.and_then(|variant| {
+            mappings.clone().find(|mapping| mapping.indices("variants").contains(&variant))?.index("material")
+        });
+        let material = materials.get(file, varied.or(primitive.index("material")), model);
         let Some(part) = load_part(file, primitive, &user, material, joints)? else { continue };
         let (first, vertices) = (mesh.positions.len(), part.positions.len());
         mesh.positions.extend(part.positions);
         mesh.normals.extend(part.normals);
         mesh.uvs.extend(part.uvs);
+        mesh.uvs2.extend(part.uvs2);
         mesh.tangents.extend(part.tangents);
         if !part.colors.is_empty() || !mesh.colors.is_empty() {
-            mesh.colors.resize(first, Vec3::ONE);
+            mesh.colors.resize(first, Vec4::ONE);
             mesh.colors.extend(part.colors);
-            mesh.colors.resize(first + vertices, Vec3::ONE);
+            mesh.colors.resize(first + vertices, Vec4::ONE);
         }
         mesh.materials.extend(std::iter::repeat_n(material.place, part.triangles.len()));
         mesh.triangles.extend(part.triangles.iter().map(|triangle| triangle.map(|vertex| first as u32 + vertex)));
@@ -82,9 +93,12 @@ fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: O
 
     // What is not needed to know the shape is left out if it cannot be read.
     let normals = optional(file, attributes, "NORMAL", vertices, user);
-    let uvs = optional(file, attributes, &format!("TEXCOORD_{}", material.uv.set), vertices, user);
-    let colors = optional(file, attributes, "COLOR_0", vertices, user).unwrap_or_default();
-    let tangents = if material.normal_mapped && normals.is_some() {
+    let [uvs, uvs2] = material.sets.map(|set| {
+        let uvs = optional(file, attributes, &format!("TEXCOORD_{set}"), vertices, user);
+        uvs.map_or_else(|| vec![Vec2::ZERO; vertices], |uvs| uvs.into_iter().map(Vec2::from_array).collect())
+    });
+    let colors = colors(file, attributes, vertices, user);
+    let tangents = if material.tangents.is_some() && normals.is_some() {
         optional(file, attributes, "TANGENT", vertices, user).unwrap_or_default()
     } else {
         Vec::new()
@@ -97,17 +111,15 @@ fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: O
         }
         None => (0..vertices as u32).collect(),
     };
-    let uvs: Vec<[f32; 2]> = uvs.unwrap_or_else(|| vec![[0.0; 2]; vertices]);
     let mut part = Part {
         positions,
         normals: normals.into_iter().flatten().map(Vec3::from_array).collect(),
-        uvs: uvs.into_iter().map(|uv| material.uv.apply(Vec2::from_array(uv))).collect(),
+        uvs,
+        uvs2,
         tangents,
-        colors: colors
-            .into_iter()
-            .map(|color: [f32; 3]| Vec3::from_array(color).clamp(Vec3::ZERO, Vec3::ONE))
-            .collect(),
+        colors,
         triangles: triangles(mode.unwrap_or(TRIANGLES), &corners),
+        along: material.tangents,
     };
     if let Some(joints) = joints {
         let influences = skin::influences(file, attributes, vertices, user)?;
@@ -119,13 +131,26 @@ fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: O
         part.unweld();
     }
     part.mend_normals();
-    if !material.normal_mapped {
+    if material.tangents.is_none() {
         part.tangents = vec![[0.0; 4]; part.positions.len()];
     } else if part.tangents.is_empty() {
         file.count_corners(part.triangles.len() * 3)?;
         part = tangent::generate(part);
     }
     Ok(Some(part))
+}
+
+/// Reads the colours of vertices, of three or four parts.
+fn colors(file: &File, attributes: Json, vertices: usize, user: &str) -> Vec<Vec4> {
+    let accessor = attributes.index("COLOR_0").unwrap_or(usize::MAX);
+    let four = file.root.entry("accessors", accessor).text("type") == Some("VEC4");
+    let colors: Option<Vec<Vec4>> = if four {
+        optional(file, attributes, "COLOR_0", vertices, user).map(|c| c.into_iter().map(Vec4::from_array).collect())
+    } else {
+        let opaque = |color: [f32; 3]| Vec3::from_array(color).extend(1.0);
+        optional(file, attributes, "COLOR_0", vertices, user).map(|c| c.into_iter().map(opaque).collect())
+    };
+    colors.unwrap_or_default().into_iter().map(|color| color.clamp(Vec4::ZERO, Vec4::ONE)).collect()
 }
 
 /// Reads an attribute that the shape does not depend on. Numbers that are not finite become 0.
@@ -198,6 +223,7 @@ impl Part {
         take(&mut self.positions, old);
         take(&mut self.normals, old);
         take(&mut self.uvs, old);
+        take(&mut self.uvs2, old);
         take(&mut self.colors, old);
         self.tangents.clear();
     }
@@ -243,7 +269,10 @@ impl tangent::Corners for Part {
 
     fn position_normal_uv(&self, vertex: u32) -> ([f32; 3], [f32; 3], [f32; 2]) {
         let vertex = vertex as usize;
-        (self.positions[vertex].to_array(), self.normals[vertex].to_array(), self.uvs[vertex].to_array())
+        let along = self.along.unwrap_or(TextureUse::plain(0));
+        let uv = if along.set == 0 { self.uvs[vertex] } else { self.uvs2[vertex] };
+        let uv = along.transform.transform_point2(uv);
+        (self.positions[vertex].to_array(), self.normals[vertex].to_array(), uv.to_array())
     }
 
     fn rebuild(mut self, vertices: &[(u32, [f32; 4])], triangles: Vec<[u32; 3]>) -> Self {

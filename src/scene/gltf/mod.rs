@@ -17,7 +17,10 @@ mod skin;
 mod tangent;
 mod texture;
 
-use super::model::{Model, Rig};
+use super::{
+    fields::nearest,
+    model::{Model, Rig},
+};
 use crate::{Error, Result, image_file::read};
 use json::Json;
 use serde_json::Value;
@@ -27,8 +30,16 @@ use std::{
     path::Path,
 };
 
-const SUPPORTED: [&str; 10] = [
+const SUPPORTED: [&str; 18] = [
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_dispersion",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
+    "KHR_materials_transmission",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
     "KHR_materials_emissive_strength",
     "KHR_materials_specular",
     "KHR_materials_ior",
@@ -52,11 +63,20 @@ const CONVERTERS: [(&str, &str); 3] = [
 /// # Errors
 /// Fails if the file cannot be read, is no glTF 2.0, or has geometry that cannot be read.
 pub fn load(path: &Path) -> Result<(Model, Vec<String>)> {
+    load_variant(path, None)
+}
+
+/// Loads a file with its materials as the named variant has them (KHR_materials_variants).
+///
+/// # Errors
+/// Fails as [`load`] does, or if the file has no variant of this name.
+pub fn load_variant(path: &Path, variant: Option<&str>) -> Result<(Model, Vec<String>)> {
     let subject = path.display().to_string();
     let bytes = read::read_bytes(path)?;
     let refuse = |Fault { problem, remedy }: Fault| Error::input(&subject, problem, remedy);
     let (root, blob) = parse(&bytes).map_err(refuse)?;
     let file = File::new(&subject, path.parent().unwrap_or(Path::new("")), Json::new(&root), blob).map_err(refuse)?;
+    let file = file.with_variant(variant).map_err(refuse)?;
     let mut model = file.model().map_err(refuse)?;
     model.name = path.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy().into_owned());
     Ok((model, file.into_warnings()))
@@ -132,6 +152,8 @@ struct File<'a> {
     warnings: RefCell<BTreeMap<String, (String, usize)>>,
     /// Vertices and triangle corners read so far.
     corners: Cell<usize>,
+    /// The number of the variant whose materials are taken.
+    variant: Option<usize>,
 }
 
 const MAX_CORNERS: usize = 1 << 25;
@@ -152,6 +174,7 @@ impl<'a> File<'a> {
             buffers: root.list("buffers").map(|_| OnceCell::new()).collect(),
             warnings: RefCell::default(),
             corners: Cell::new(0),
+            variant: None,
         };
         if version.is_none() {
             file.warn("asset", "has no version: 2.0 is taken");
@@ -161,6 +184,22 @@ impl<'a> File<'a> {
             file.unsupported("extensionsUsed", &format!("the extension {}", read::one_line(&extension)), "ignored");
         }
         Ok(file)
+    }
+
+    fn with_variant(self, name: Option<&str>) -> Read<Self> {
+        let Some(name) = name else { return Ok(self) };
+        let variants = self.root.extension("KHR_materials_variants").list("variants");
+        let names: Vec<&str> = variants.map(|variant| variant.text("name").unwrap_or_default()).collect();
+        match names.iter().position(|known| *known == name) {
+            Some(index) => Ok(Self { variant: Some(index), ..self }),
+            None => Err(Fault {
+                problem: format!("has no variant \"{}\"", read::one_line(&name)),
+                remedy: match names.is_empty() {
+                    true => "leave variant out: the file has none".into(),
+                    false => nearest(name, &names),
+                },
+            }),
+        }
     }
 
     /// Adds a warning about `place`. The same about other places is counted.
