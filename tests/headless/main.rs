@@ -5,6 +5,7 @@
 //! The tests of one file: `cargo nextest run renderer::` or `cargo test --test headless renderer::`.
 
 mod adding;
+mod alpha;
 mod bounces;
 mod bvh;
 mod cases;
