@@ -41,7 +41,10 @@ use crate::{
 use glam::{Quat, Vec3};
 use std::{
     collections::VecDeque,
-    sync::atomic::{AtomicU32, Ordering},
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
 };
 
 /// The six passes that the plan needs, with what they keep from frame to frame.
@@ -121,6 +124,8 @@ struct FrameState {
     content: Option<PanoramaFrame>,
     /// The instances, relative to the panorama's centre.
     instances: PackedInstances,
+    /// What does not change of them.
+    packed: Arc<PackedScene>,
     /// What of them has moved.
     movers: Vec<Mover>,
     /// Whether the light of the real scene is another than in the frame before.
@@ -326,7 +331,7 @@ impl Renderer {
             if let Some(content) = &state.content {
                 self.panorama.upload(frame, content)?;
             }
-            self.scene.upload(frame, &state.instances, &state.movers)?;
+            self.scene.upload(frame, &state.packed, &state.instances, &state.movers)?;
             self.upload_views(frame, state)
         })
     }
@@ -494,7 +499,8 @@ impl Renderer {
         let instances = relative_to(centre, state.instances);
         let relight = !wishes.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
         let pose = time as f32;
-        let state = FrameState { video_frame, content, instances, movers, new_light, relight, viewpoint, pose };
+        let packed = scene.packed.clone();
+        let state = FrameState { video_frame, content, instances, packed, movers, new_light, relight, viewpoint, pose };
         let maps = if relight { &mut self.relight[..] } else { &mut [] };
         for view in std::iter::once(&mut self.picture).chain(maps) {
             view.begin_frame(&state.shown_in(view));

@@ -235,6 +235,7 @@ settings! {
         radiance_pyramid: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "mip levels of a panorama that is finer than the picture";
         specular: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "the GGX lobe of virtual surfaces";
         emission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces that shine";
+        emitters: Presence = [Presence::Auto, Presence::Off, Presence::Auto, Presence::Auto], ANY, "", "rays that aim at virtual surfaces that shine; off: these are met by chance";
         textures: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "textures of virtual surfaces";
         alpha: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "holes and half-transparent parts of virtual surfaces (alpha mask and blend)";
         transmission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces through which light passes: thin sheets, glass";

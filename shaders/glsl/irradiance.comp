@@ -12,21 +12,28 @@ layout(local_size_x = 64) in;
 void real_surface_light(ivec2 p) {
     Random random = random_begin(uvec2(p), uint(REAL));
     RealStart from = real_start(p);
-    Ray ray = real_ray(real_aim(p, from, random), from);
+    Aim aim = real_aim(p, from, random);
+    Ray ray = real_ray(aim, from);
+    // Light of the capture, and of the mixed scene.
     vec3 radiance = vec3(0.0), mixed = vec3(0.0);
-    if (ray.weight.x > 0.0) {
+    if (ray.weight.x > 0.0 || (EMITTERS != 0u && ray.density > 0.0)) {
         SceneHit hit = virtual_trace(from.off_virtual, ray.d, ray.real.t, random);
-        radiance = hit_radiance(ray.real);
-        mixed = incoming(from.off_virtual, ray, hit, true, random);
+        vec3 weight = mixed_weight(ray, aim, hit);
+        float factor = 1.0;
         if (ROULETTE != 0u && hit.instance == NONE) {
             float share = traced_share(p);
-            ray.weight = chosen(p, share) ? ray.weight / share : vec3(0.0);
+            factor = chosen(p, share) ? 1.0 / share : 0.0;
         }
+        radiance = (PI * factor) * ray.weight * hit_radiance(ray.real);
+        mixed = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, true, random);
     }
-    vec3 weight = PI * ray.weight;
-    if (FAULT == FAULT_ENERGY_CLAMP) weight *= min(1.0, 0.3 / max(luminance(weight * max(radiance, mixed)), 1e-20));
+    if (FAULT == FAULT_ENERGY_CLAMP) {
+        float least = min(1.0, 0.3 / max(luminance(max(radiance, mixed)), 1e-20));
+        radiance *= least;
+        mixed *= least;
+    }
     vec2 units = in_view.view.light_units;
-    imageStore(out_irradiance, ivec3(p, REAL), light_pack(Light(units.x * weight * radiance, units.y * weight * (mixed - radiance), vec2(0.0))));
+    imageStore(out_irradiance, ivec3(p, REAL), light_pack(Light(units.x * radiance, units.y * (mixed - radiance), vec2(0.0))));
 }
 
 void virtual_surface_light(ivec2 p) {
@@ -51,20 +58,21 @@ void virtual_surface_light(ivec2 p) {
     }
     uint lobe = bsdf_choose(l, choice);
     l.diffuse = vec3(1.0); // composite knows it
-    Aim drawn = aim(origin, s, l, lobe, -from_eye, numbers, random);
+    Aim drawn = aim(origin, origin, s, l, lobe, -from_eye, numbers, random);
     if (behind) {
         drawn.d = from_eye;
         drawn.possible = drawn.sharp = true;
-        drawn.light = false;
+        drawn.light = drawn.emitter = false;
         drawn.sharp_weight = vec3(1.0);
     }
     if (TRANSMISSION != 0u || ALPHA != 0u) origin = surface_origin_along(s, drawn.d);
     Ray ray = trace(drawn, origin, s, l, lobe, -from_eye);
-    vec3 weight = ray.weight * (lobe == DIFFUSE && !behind ? PI : 1.0) / (behind ? 1.0 : bsdf_probability(l, lobe));
-    if (!behind && !bsdf_leaves(s, lobe, ray.d)) weight = vec3(0.0);
+    vec3 factor = vec3((lobe == DIFFUSE && !behind ? PI : 1.0) / (behind ? 1.0 : bsdf_probability(l, lobe)));
+    if (!behind && !bsdf_leaves(s, lobe, ray.d)) factor = vec3(0.0);
     vec3 radiance = vec3(0.0);
-    if (largest(weight) > 0.0) {
+    if (factor.x > 0.0 && (largest(ray.weight) > 0.0 || (EMITTERS != 0u && ray.density > 0.0))) {
         SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, random);
+        vec3 weight = factor * mixed_weight(ray, drawn, hit);
         if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, lobe == DIFFUSE && !behind, random);
     }
     if (FAULT == FAULT_ENERGY_CLAMP) radiance *= min(1.0, 0.3 / max(luminance(radiance), 1e-20));

@@ -9,7 +9,11 @@ use crate::{
     gpu::{Buffer, Format, Frame, Gpu, Image},
     scene::{
         deform::Patch,
-        packed::{BvhNode, Instance, Mover, NONE, PackedInstances, PackedScene, TriangleGeometry, Vertex},
+        lights::Shining,
+        packed::{
+            BvhNode, EmitterHeader, Instance, Light, Mover, NONE, PackedInstances, PackedScene, TriangleGeometry,
+            Vertex,
+        },
     },
 };
 use glam::Vec3;
@@ -23,6 +27,8 @@ pub struct SceneBuffers {
     top_nodes: Table,
     /// Present if meshes change their shape.
     deformed: Option<Deformed>,
+    shining: Shining,
+    emitters: Buffer,
 }
 
 /// The meshes that change their shape: the last of all in the arrays.
@@ -57,6 +63,11 @@ impl SceneBuffers {
         // what was there and what is there
         let movers = gpu.buffer("movers", (2 * instances * size_of::<Mover>()) as u64)?;
         add("movers", movers.clone());
+        let shining = Shining::of(scene);
+        let most = shining.most(scene.nodes.iter().enumerate().map(|(index, _)| index as u32)) * instances.max(1);
+        let bytes = size_of::<EmitterHeader>() + most.min(MAX_EMITTERS).max(1) * size_of::<Light>();
+        let emitters = gpu.buffer("emitters", bytes as u64)?;
+        resources.add("emitters", Resource::Buffer(emitters.clone()));
         let triangle_items = triangle_items(&scene.triangles);
         let triangles = Table::with(gpu, "triangles", &triangle_items)?;
         let node_items: &[[u32; 4]] = bytemuck::cast_slice(&scene.nodes);
@@ -66,9 +77,13 @@ impl SceneBuffers {
         let previous = Table::new(gpu, "previous triangles", deforming * TRIANGLE_TEXELS)?;
         let places = Table::new(gpu, "places", instances * PLACE_TEXELS)?;
         let top_nodes = Table::new(gpu, "top bvh nodes", 2 * instances * size_of::<BvhNode>() / TEXEL)?;
-        for (name, table) in
-            [("triangles", &triangles), ("nodes", &nodes), ("places", &places), ("top_nodes", &top_nodes), ("previous_triangles", &previous)]
-        {
+        for (name, table) in [
+            ("triangles", &triangles),
+            ("nodes", &nodes),
+            ("places", &places),
+            ("top_nodes", &top_nodes),
+            ("previous_triangles", &previous),
+        ] {
             resources.add(name, Resource::Image(table.0.clone()));
         }
         let before = |items: &[[u32; 4]], first: usize| items[first / TABLE_ROW * TABLE_ROW..first].to_vec();
@@ -91,17 +106,31 @@ impl SceneBuffers {
                 previous,
             }
         });
-        Ok(Self { resources, instances: top, movers, places, top_nodes, deformed })
+        Ok(Self { resources, instances: top, movers, places, top_nodes, deformed, shining, emitters })
     }
 
     /// Records the upload of a frame's instances, which are relative to the panorama's centre, and of those that
     /// have moved.
-    pub fn upload(&self, frame: &mut Frame, state: &PackedInstances, movers: &[Mover]) -> Result<()> {
+    pub fn upload(
+        &self,
+        frame: &mut Frame,
+        scene: &PackedScene,
+        state: &PackedInstances,
+        movers: &[Mover],
+    ) -> Result<()> {
         frame.write_buffer(&self.movers, 0, movers)?;
         if let Some(deformed) = self.deformed.as_ref().filter(|_| !state.patches.is_empty()) {
             deformed.upload(frame, &state.patches)?;
         }
         frame.write_buffer(&self.instances, 0, &state.instances)?;
+        let room = (self.emitters.bytes() as usize - size_of::<EmitterHeader>()) / size_of::<Light>();
+        let table = self.shining.lights(scene, state);
+        // Too many lights are found by chance, as none is then aimed at.
+        let lights = if table.lights.len() <= room { &table.lights[..] } else { &[] };
+        let inverse_power = if lights.is_empty() { 0.0 } else { (1.0 / table.power) as f32 };
+        let header = EmitterHeader { count: lights.len() as u32, inverse_power };
+        let bytes = [bytemuck::bytes_of(&header), bytemuck::cast_slice(lights)].concat();
+        frame.write_buffer(&self.emitters, 0, &bytes)?;
         let place = |instance: &Instance| {
             let [x, y, z] = instance.world_to_object.map(|row| row.map(f32::to_bits));
             [x, y, z, [instance.root, 0, 0, 0]]
@@ -111,6 +140,9 @@ impl SceneBuffers {
         self.top_nodes.upload(frame, bytemuck::cast_slice(&state.nodes))
     }
 }
+
+/// The most triangles that are aimed at.
+const MAX_EMITTERS: usize = 1 << 20;
 
 /// Texels of a triangle, and of a node.
 const TRIANGLE_TEXELS: usize = 3;

@@ -180,6 +180,8 @@ impl Plan {
                 because(facts.has_depth, "real surfaces see each other", "no real surface, as there is no depth")
             }
             Part::Specular => of_materials("all materials are pure Lambert"),
+            Part::Emitters if screen => (false, "what rays meet is a guess (virtual_tracer = screen)".to_owned()),
+            Part::Emitters => found(&facts.emissive, "nothing shines"),
             Part::Emission => found(&facts.emissive, "nothing shines"),
             Part::Textures => of_materials("no material has a texture"),
             Part::Alpha => of_materials("all materials are opaque"),

@@ -94,6 +94,11 @@ parts! {
         off_where: "no material shines",
         leaves_out: "the image, the code",
     }
+    Emitters: "The triangles that shine as something to draw directions from." {
+        name: "emitters", setting: "emitters", off: "off", needs: Some(Part::Emission), constant: Some("EMITTERS"),
+        off_where: "nothing shines",
+        leaves_out: "the aiming at them in `irradiance`",
+    }
     Textures: "Textures of virtual surfaces." {
         name: "textures", setting: "textures", off: "off", needs: Some(Part::Objects), constant: Some("TEXTURES"),
         off_where: "no material has any",

@@ -3,7 +3,6 @@
 //! Sums do not drift: the device adds [`BATCH`] samples in single precision, and the host adds batches in
 //! double.
 
-use super::lights::light_table;
 use crate::{
     Error, Result,
     gpu::{Bind, Buffer, Format, Gpu, Image, Threads, Ticket},
@@ -16,6 +15,7 @@ use crate::{
     plan::facts::material_constants,
     scene::{
         deform,
+        lights::light_table,
         packed::{PackedInstances, PackedScene},
         viewpoint::Viewpoint,
     },
@@ -166,7 +166,7 @@ impl PathTracer {
         punctual.iter_mut().for_each(|light| light.position -= centre);
         let buffers = SceneBuffers::new(gpu, scene, state.instances.len())?;
         let mut upload = gpu.frame()?;
-        buffers.upload(&mut upload, &relative_to(centre, state.clone()), &[])?;
+        buffers.upload(&mut upload, scene, &relative_to(centre, state.clone()), &[])?;
         upload.run()?;
         let instance_count = state.instances.len() as u32;
         let mut view = ViewData { size, seed: settings.seed, instance_count, ..Default::default() };

@@ -12,6 +12,7 @@ pub mod fields;
 pub mod file;
 mod file_panorama;
 pub mod gltf;
+pub mod lights;
 pub mod load;
 pub mod material;
 pub mod mips;

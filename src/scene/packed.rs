@@ -138,6 +138,15 @@ gpu_struct! {
     pub struct Light { pub instance: u32, pub triangle: u32, pub below: f32, pub padding: u32 }
 }
 
+gpu_struct! {
+    /// What precedes the [`Light`]s that the renderer draws.
+    pub struct EmitterHeader {
+        pub count: u32,
+        /// 1 / Σ area · luminance.
+        pub inverse_power: f32,
+    }
+}
+
 /// All that does not change from frame to frame, and the instances and top level that do.
 #[derive(Clone, Debug, Default)]
 pub struct PackedScene {

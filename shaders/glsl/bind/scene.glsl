@@ -59,6 +59,9 @@ layout(set = 0, binding = 19, rgba32ui) uniform readonly uimage2D in_places;
 layout(set = 0, binding = 26, scalar) readonly buffer Materials { Material material[]; } in_materials;
 layout(set = 0, binding = 27, scalar) readonly buffer Textures { Texture entry[]; } in_textures;
 layout(set = 0, binding = 28, scalar) readonly buffer Texels { uint texel[]; } in_texels;
+// The triangles that shine: one is drawn in proportion to area * luminance; `below` is the probability of all before it.
+struct Emitter { uint instance; uint triangle; float below; uint padding; };
+layout(set = 0, binding = 83, scalar) readonly buffer Emitters { uint count; float inverse_power; Emitter entry[]; } in_emitters;
 // Directional albedo of GGX, ρ = F0·x + F90·y, 32×32 over (cos θ_o, roughness) from 0 to 1 (`ggx_table` in
 // passes/bsdf.rs). Then as many of the sheen lobe's, in x, over (cos, sheen roughness).
 layout(set = 0, binding = 29, scalar) readonly buffer Energy { vec2 value[]; } in_energy;
