@@ -64,13 +64,20 @@ vec4 motion_of(vec2 pixel, vec3 previous_point, float id) {
 // Returns the first virtual surface that is there at all along a primary ray before `t_max`, and what share of the
 // light from behind passes all of them that lie before `t_max`.
 SceneHit primary_trace(vec3 d, float t_max, out float passes) {
+    if (FAULT == FAULT_REAL_IGNORED) t_max = FAR;
     SceneHit first = SceneHit(FAR, NONE, NONE, vec2(0.0));
     passes = 1.0;
+    if (ALPHA == 0u) {
+        SceneHit hit = scene_closest(in_view.view.position, d, 0.0, FAR);
+        if (hit.instance == NONE || hit.t >= t_max) return first;
+        passes = 0.0;
+        return hit;
+    }
     float t_min = 0.0;
-    for (uint layer = 0u; layer < (ALPHA != 0u ? MOST_LAYERS : 1u); layer++) {
-        SceneHit hit = scene_closest(in_view.view.position, d, t_min, FAR);
-        if (hit.instance == NONE || (FAULT != FAULT_REAL_IGNORED && hit.t >= t_max)) break;
-        float alpha = ALPHA != 0u ? hit_alpha(hit) : 1.0;
+    for (uint layer = 0u; layer < MOST_LAYERS; layer++) {
+        SceneHit hit = scene_closest(in_view.view.position, d, t_min, t_max);
+        if (hit.instance == NONE) break;
+        float alpha = hit_alpha(hit);
         if (alpha > 0.0 && first.instance == NONE) first = hit;
         passes *= 1.0 - alpha;
         if (passes < 1.0 / 1024.0) { passes = 0.0; break; }

@@ -215,18 +215,19 @@ const uint MOST_LAYERS = 64u; // that are not there, along a ray
 // Finds the closest virtual surface that is there along a ray before t_max. What is there in part is there at
 // random, that often.
 SceneHit scene_trace(vec3 origin, vec3 d, float t_max) {
+    if (ALPHA == 0u) return scene_closest(origin, d, 0.0, t_max);
     SceneHit hit;
     float t_min = 0.0;
-    for (uint layer = 0u; layer < (ALPHA != 0u ? MOST_LAYERS : 1u); layer++) {
+    for (uint layer = 0u; layer < MOST_LAYERS; layer++) {
         hit = scene_closest(origin, d, t_min, t_max);
-        if (ALPHA == 0u || hit.instance == NONE) break;
+        if (hit.instance == NONE) break;
         uint at = hash(floatBitsToUint(hit.barycentric.x) + hash(floatBitsToUint(hit.barycentric.y) + hit.triangle));
         Random random = random_begin(uvec2(at, floatBitsToUint(hit.t)), 3u);
         if (random_next(random) < hit_alpha(hit)) break;
         t_min = hit.t;
         hit.instance = NONE;
     }
-    if (ALPHA != 0u && hit.instance == NONE) hit.t = FAR;
+    if (hit.instance == NONE) hit.t = FAR;
     return hit;
 }
 
