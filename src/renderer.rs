@@ -33,7 +33,7 @@ use crate::{
     scene::{
         Scene,
         movers::Movers,
-        packed::{Mover, PackedInstances, PackedScene},
+        packed::{Instance, Mover, NONE, PackedInstances, PackedScene},
         viewpoint::{Projection, Viewpoint},
     },
     settings::{ClampWhen, FOREVER, FilterOrder, INFINITE, Settings},
@@ -128,6 +128,8 @@ struct FrameState {
     /// Whether the relit panorama is made again.
     relight: bool,
     viewpoint: Viewpoint,
+    /// The time whose poses are shown, seconds.
+    pose: f32,
 }
 
 impl FrameState {
@@ -135,7 +137,13 @@ impl FrameState {
     fn shown_in(&self, view: &View) -> [Shown; 2] {
         let viewpoint = (view.role == Role::Picture).then_some(self.viewpoint);
         let real = Shown { video_frame: self.video_frame, viewpoint, objects: Vec::new() };
-        let rows = || self.instances.instances.iter().map(|instance| instance.object_to_world).collect();
+        // What changes its shape is another thing at another time, which its place does not tell.
+        let shape = |instance: &Instance| if instance.previous == NONE { 0.0 } else { self.pose };
+        let row = |instance: &Instance| {
+            let [x, y, z] = instance.object_to_world;
+            [x, y, z, [shape(instance), 0.0, 0.0, 0.0]]
+        };
+        let rows = || self.instances.instances.iter().map(row).collect();
         let seen = if view.role == Role::Picture { rows() } else { Vec::new() };
         [real.clone(), Shown { objects: seen, ..real }]
     }
@@ -472,6 +480,10 @@ impl Renderer {
         if self.options.without_objects || !self.plan.on(Part::Objects) {
             state.instances = PackedInstances::default();
         }
+        if !self.plan.on(Part::Deformation) {
+            state.instances.patches.clear();
+            state.instances.instances.iter_mut().for_each(|instance| (instance.previous, instance.step) = (NONE, 0.0));
+        }
         let (centre, unit) = (scene.panorama.position, self.plan.facts.luminance);
         let mut movers = self.movers.advance(&scene.packed, &mut state.instances.instances, centre, unit);
         if !self.plan.on(Part::Motion) || planted!(self, HistoryKept) {
@@ -481,7 +493,8 @@ impl Renderer {
         let viewpoint = viewpoint(&self.options, scene, &state.camera);
         let instances = relative_to(centre, state.instances);
         let relight = !wishes.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
-        let state = FrameState { video_frame, content, instances, movers, new_light, relight, viewpoint };
+        let pose = time as f32;
+        let state = FrameState { video_frame, content, instances, movers, new_light, relight, viewpoint, pose };
         let maps = if relight { &mut self.relight[..] } else { &mut [] };
         for view in std::iter::once(&mut self.picture).chain(maps) {
             view.begin_frame(&state.shown_in(view));

@@ -95,6 +95,13 @@ void write_virtual(ivec2 p, SceneHit met, vec3 d, float opacity) {
     vec3 previous = s.position;
     if (OBJECT_MOTION != 0u) {
         TriangleGeometry tri = triangle_geometry(met.triangle);
+        uint first = in_instances.instance[met.instance].previous;
+        if (DEFORMATION != 0u && first != NONE) {
+            uint item = (met.triangle - first) * 3u;
+            tri = TriangleGeometry(uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item)).xyz),
+                uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item + 1u)).xyz),
+                uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item + 2u)).xyz));
+        }
         vec3 point = tri.v0 + tri.e1 * met.barycentric.x + tri.e2 * met.barycentric.y;
         previous = transform_point(in_instances.instance[met.instance].previous_object_to_world, point);
     }

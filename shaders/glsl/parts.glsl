@@ -17,5 +17,7 @@ layout(constant_id = 21) const uint OBJECT_MOTION = 1;    // objects move
 layout(constant_id = 22) const uint INTERREFLECTION = 1;  // a path that leaves an object may meet another
 layout(constant_id = 23) const uint SHOWN = 1;            // the view is the picture, not a map of irradiance
 
+layout(constant_id = 36) const uint DEFORMATION = 1;      // objects change their shape
+
 // Says whether b holds anything for a layer: ΔE of real surfaces, all lobes but Lambert's of virtual ones.
 bool has_b(int layer) { return SPECULAR != 0u || layer == REAL; }

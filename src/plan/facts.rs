@@ -64,6 +64,8 @@ pub struct Facts {
     pub instances: usize,
     /// Says what moves, if anything does.
     pub moving: Option<String>,
+    /// Says what changes its shape, if anything does.
+    pub deforming: Option<String>,
     /// Whether an object can be in the picture.
     pub in_view: bool,
     /// Says which materials emit light, if any do.
@@ -110,6 +112,7 @@ impl Facts {
             footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
             camera: camera_place(scene),
             instances,
+            deforming: scene.deforming_object().filter(|_| instances > 0).map(|name| format!("{name} changes its shape")),
             in_view: instances > 0 && in_view(scene, options, moving.is_some()),
             emissive: materials(&|m| m.emissive != Vec3::ZERO),
             texture_slots: texture_slots(&scene.packed),

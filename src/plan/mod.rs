@@ -201,6 +201,7 @@ impl Plan {
                 frames.map_or("frames follow each other".to_owned(), |n| count(n as usize, "frame", "frames")),
             ),
             Part::Motion if facts.video_frames > 1 && self.on(Part::Video) => (true, "the video changes".to_owned()),
+            Part::Deformation => found(&facts.deforming, "nothing changes its shape"),
             Part::Motion => found(&facts.moving, "nothing but the camera moves"),
             // without a history, all pixels are newly seen
             Part::SamplingMask if !settings.temporal && settings.short_history > 0 => {

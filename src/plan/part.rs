@@ -144,6 +144,11 @@ parts! {
         off_where: "nothing but the camera moves and the video has one frame",
         leaves_out: "objects' motion vectors, the search for what changes, the clamping pipeline",
     }
+    Deformation: "Objects that change their shape." {
+        name: "deformation", setting: "deformation", off: "off", needs: Some(Part::Motion), constant: Some("DEFORMATION"),
+        off_where: "no object plays a clip that moves joints of a skin or weights of morph targets",
+        leaves_out: "the posing of vertices and their upload in every frame; such objects stand in their rest pose",
+    }
     SamplingMask: "Tracing a share of the pixels." {
         name: "sampling_mask", setting: "sampling_mask", off: "false", needs: Some(Part::Objects), constant: None,
         off_where: "every pixel is traced anyhow: no history, or never one as long as `short_history`; or `rays_per_pixel` 1",

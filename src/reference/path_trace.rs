@@ -15,6 +15,7 @@ use crate::{
     },
     plan::facts::material_constants,
     scene::{
+        deform,
         packed::{PackedInstances, PackedScene},
         viewpoint::Viewpoint,
     },
@@ -159,6 +160,7 @@ impl PathTracer {
                 "give a width and a height of at least 1",
             ));
         }
+        let scene = &deform::patched(scene, &state.patches);
         let table = light_table(scene, state);
         let mut punctual = state.lights.clone();
         punctual.iter_mut().for_each(|light| light.position -= centre);

@@ -70,7 +70,8 @@ impl CompleteScene {
         let [a, b] = [a, b].map(|time| {
             let state = self.at(time);
             let places: Vec<_> = state.instances.instances.iter().map(|instance| instance.object_to_world).collect();
-            (places, state.camera)
+            let shapes: Vec<_> = state.instances.patches.into_iter().map(|patch| patch.triangles).collect();
+            (places, shapes, state.camera)
         });
         a == b
     }

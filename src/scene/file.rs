@@ -73,6 +73,10 @@ pub struct ObjectSpec {
     pub clip: Option<String>,
     /// A factor on the clip's time.
     pub speed: f64,
+    /// What of the clip has been played at time 0, seconds.
+    pub offset: f64,
+    /// Whether the clip ends with its last key, and does not repeat.
+    pub hold: bool,
     pub material: Option<MaterialOverride>,
 }
 
@@ -245,6 +249,8 @@ const OBJECT_KEYS: &[&str] = &[
     "scale",
     "clip",
     "speed",
+    "offset",
+    "repeat",
     "material",
     "key",
 ];
@@ -301,7 +307,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
         }
     }
     if fields.has("shape") {
-        for key in ["clip", "speed"].into_iter().filter(|key| fields.has(key)) {
+        for key in ["clip", "speed", "offset", "repeat"].into_iter().filter(|key| fields.has(key)) {
             fields.complain(key, "a shape has no animation clips", "use key frames: key = [ … ]");
         }
         if fields.has("variant") {
@@ -313,6 +319,8 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
     let clip = fields.string("clip").map(str::to_owned);
     let variant = fields.string("variant").map(str::to_owned);
     let speed = fields.number("speed").unwrap_or(1.0);
+    let offset = fields.number("offset").unwrap_or(0.0);
+    let hold = fields.word("repeat", &["loop", "hold"]) == Some(1);
     let source = match (gltf, shape) {
         (Some(path), None) => ObjectSource::Gltf(path),
         (None, Some(shape)) => ObjectSource::Shape(shape, size.unwrap_or(Vec3::ONE)),
@@ -325,7 +333,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
         ObjectSource::Shape(shape, _) => Shape::NAMES[*shape as usize].to_owned(),
     };
     let name = fields.string("name").map_or_else(default_name, str::to_owned);
-    Some(ObjectSpec { name, source, placement, place, side, variant, clip, speed, material })
+    Some(ObjectSpec { name, source, placement, place, side, variant, clip, speed, offset, hold, material })
 }
 
 fn read_material(fields: &FieldTable) -> MaterialOverride {

@@ -255,6 +255,11 @@ impl<'a> Loader<'a> {
                 Error::input(subject, format!("there is no clip \"{name}\""), remedy)
             })?),
         };
+        if let Some(clip) = clip.filter(|_| spec.hold || spec.offset != 0.0) {
+            let mut changed = (*model).clone();
+            (changed.rig.clips[clip].hold, changed.rig.clips[clip].offset) = (spec.hold, spec.offset);
+            model = Arc::new(changed);
+        }
         let (name, placement) = (spec.name.clone(), spec.placement.clone());
         let mut object = Object { name, model, placement, clip, speed: spec.speed };
         if let Some(side) = spec.side {

@@ -5,6 +5,7 @@ pub mod bvh;
 pub mod camera;
 pub mod clip;
 pub mod complete;
+pub mod deform;
 pub mod edit;
 pub mod export;
 pub mod fields;

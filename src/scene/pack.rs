@@ -3,7 +3,7 @@
 
 use super::{
     bounds::Bounds,
-    bvh,
+    bvh, deform,
     material::{TexelEncoding, Texture, TextureUse},
     mips::{level_count, level_size, with_mips},
     model::{Mesh, Model},
@@ -34,17 +34,20 @@ pub struct Packed {
     /// An entry for each mesh of each model, `None` for a mesh without triangles.
     pub meshes: Vec<Vec<Option<PackedMesh>>>,
     pub warnings: Vec<String>,
+    /// The first material of each model.
+    first_materials: Vec<u32>,
 }
 
-/// Packs models.
+/// Packs models. Meshes that deform are packed in their rest pose if that is `wanted` of their model.
 ///
 /// # Errors
 /// Fails if a model does not fit, or if its numbers cannot be used.
-pub fn pack(models: &[&Model]) -> Result<Packed> {
+pub fn pack(models: &[(&Model, bool)]) -> Result<Packed> {
     let mut packed = Packed::default();
-    let first_levels = fit_textures(models, &mut packed.warnings);
+    let all: Vec<&Model> = models.iter().map(|(model, _)| *model).collect();
+    let first_levels = fit_textures(&all, &mut packed.warnings);
     let mut first_levels = first_levels.into_iter();
-    for model in models {
+    for (model, wanted) in models {
         let scene = &mut packed.scene;
         let first_material = scene.materials.len() as u32;
         let textures: Vec<packed::PackedTexture> = model
@@ -71,22 +74,49 @@ pub fn pack(models: &[&Model]) -> Result<Packed> {
             scene.materials.push(material.pack(entries));
         }
         let mut meshes = Vec::new();
+        packed.first_materials.push(first_material);
         for mesh in &model.meshes {
             check_mesh(mesh, model)?;
-            let (mesh, dropped) = pack_mesh(scene, mesh, first_material);
+            if mesh.deform.is_some() && !wanted {
+                meshes.push(None);
+                continue;
+            }
+            let (mesh, _, dropped) = pack_mesh(scene, mesh, first_material);
             meshes.push(mesh);
             if dropped > 0 {
                 packed.warnings.push(format!("{}: {dropped} triangles without area were left out", model.name));
             }
         }
         packed.meshes.push(meshes);
-        if packed.scene.triangles.len().max(packed.scene.vertices.len()) > MAX_ELEMENTS {
+        packed.check_room(model)?;
+    }
+    packed.scene.first_deformed = packed.scene.triangles.len() as u32;
+    bvh::check(&packed.scene)?;
+    Ok(packed)
+}
+
+impl Packed {
+    fn check_room(&self, model: &Model) -> Result<()> {
+        if self.scene.triangles.len().max(self.scene.vertices.len()) > MAX_ELEMENTS {
             let problem = format!("more than {MAX_ELEMENTS} triangles or vertices in the scene");
             return Err(Error::input(&model.name, problem, "simplify the model or leave objects out"));
         }
+        Ok(())
     }
-    bvh::check(&packed.scene)?;
-    Ok(packed)
+
+    /// Packs a mesh that deforms, for one placement alone. `number` is that of its model.
+    ///
+    /// # Errors
+    /// Fails if it does not fit.
+    pub fn deforming(&mut self, number: usize, model: &Model, mesh: usize) -> Result<Option<(PackedMesh, deform::Placed)>> {
+        let scene = &mut self.scene;
+        let first = [scene.triangles.len() as u32, scene.vertices.len() as u32];
+        let (packed, corners, _) = pack_mesh(scene, &model.meshes[mesh], self.first_materials[number]);
+        let Some(packed) = packed else { return Ok(None) };
+        let placed = deform::Placed::new(&self.scene, mesh, [first[0], first[1], packed.root], corners);
+        self.check_room(model)?;
+        Ok(Some((packed, placed.resting(&model.meshes[mesh], &model.rig))))
+    }
 }
 
 /// Returns the first mip level that is kept of each texture of all models.
@@ -153,7 +183,8 @@ fn pack_color(linear: Vec4) -> u32 {
     u32::from_le_bytes([root(linear.x), root(linear.y), root(linear.z), code(linear.w)])
 }
 
-fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Option<PackedMesh>, usize) {
+/// Returns where a mesh has been packed, the corners of its packed triangles, and how many were left out.
+fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Option<PackedMesh>, Vec<[u32; 3]>, usize) {
     let corners = |triangle: &[u32; 3]| triangle.map(|index| mesh.positions[index as usize]);
     let kept: Vec<usize> = (0..mesh.triangles.len())
         .filter(|index| {
@@ -163,7 +194,7 @@ fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Opti
         .collect();
     let dropped = mesh.triangles.len() - kept.len();
     if kept.is_empty() {
-        return (None, dropped);
+        return (None, Vec::new(), dropped);
     }
     let geometry = |triangle: &[u32; 3]| {
         let [v0, v1, v2] = corners(triangle);
@@ -197,5 +228,6 @@ fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Opti
     }
     let root = scene.nodes.len() as u32;
     scene.nodes.extend(tree.pack(root, |first| first_triangle + first));
-    (Some(PackedMesh { root, bounds: tree.bounds() }), dropped)
+    let corners = tree.order.iter().map(|item| mesh.triangles[kept[*item as usize]]).collect();
+    (Some(PackedMesh { root, bounds: tree.bounds() }), corners, dropped)
 }

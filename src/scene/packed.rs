@@ -1,7 +1,7 @@
 //! The scene as the shaders read it (scalar block layout): triangles in BVH leaf order, a two-level BVH,
 //! materials, texels. `shaders/glsl/scene.glsl` declares the same structs.
 
-use super::material::SLOTS;
+use super::{deform::Patch, material::SLOTS};
 use crate::gpu_struct;
 use glam::{Vec2, Vec3};
 
@@ -57,7 +57,10 @@ gpu_struct! {
         pub root: u32,
         /// Identifies the instance in the G-buffer: 1-based and stable over frames. 0 is the real scene.
         pub id: u32,
-        pub padding: [u32; 2],
+        /// [`PackedScene::first_deformed`] if its triangles change their shape, else [`NONE`].
+        pub previous: u32,
+        /// The longest way that one of its vertices has gone by that since the last frame, object space.
+        pub step: f32,
     }
 }
 gpu_struct! {
@@ -146,6 +149,8 @@ pub struct PackedScene {
     pub materials: Vec<PackedMaterial>,
     pub textures: Vec<PackedTexture>,
     pub texels: Vec<u32>,
+    /// The first triangle of the meshes that change their shape. They come last, in all arrays.
+    pub first_deformed: u32,
 }
 
 /// What changes from frame to frame: the instances and the top-level BVH over them, which is empty without
@@ -156,4 +161,6 @@ pub struct PackedInstances {
     pub nodes: Vec<BvhNode>,
     /// Only scene truth uses these.
     pub lights: Vec<Punctual>,
+    /// What has changed its shape: all meshes from [`PackedScene::first_deformed`] on, in their order.
+    pub patches: Vec<Patch>,
 }

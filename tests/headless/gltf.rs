@@ -123,15 +123,74 @@ fn the_water_bottle_has_all_its_textures() {
     assert!(((height.max - height.min).y - 0.26).abs() < 0.02);
 }
 
+/// Skins and morph targets move with their clips, and stand where the specification puts them.
 #[test]
-fn unsupported_features_are_named() {
-    for (file, feature) in [
-        ("RiggedFigure/RiggedFigure.glb", "an animated skin"),
-        ("AnimatedMorphCube/AnimatedMorphCube.glb", "a morph target"),
+fn skins_and_morph_targets_deform() {
+    for (file, clip, time) in [
+        ("Fox/Fox.glb", Some("Run"), 0.3),
+        ("RiggedFigure/RiggedFigure.glb", None, 0.6),
+        ("AnimatedMorphCube/AnimatedMorphCube.glb", None, 1.0),
+        ("SimpleMorph/SimpleMorph.gltf", None, 1.0),
     ] {
-        let (_, warnings) = load(file);
-        assert!(warnings.iter().any(|w| w.contains(feature) && w.contains(file)), "{file}: {warnings:?}");
+        let (mut model, warnings) = load(file);
+        assert!(warnings.is_empty(), "{file}: {warnings:?}");
+        if let Some(name) = clip {
+            let at = model.rig.clips.iter().position(|clip| clip.name == name).expect("its clip");
+            model.rig.clips.swap(0, at);
+        }
+        let rest = model.meshes.iter().map(|mesh| mesh.positions.len()).sum::<usize>();
+        let scene = scene_of(model);
+        let (start, later) = (scene.at(0.0, 0.0).instances, scene.at(time, time - 0.05).instances);
+        assert!(!later.patches.is_empty() && rest > 0, "{file}");
+        for (before, patch) in start.patches.iter().zip(&later.patches) {
+            assert!(before.triangles != patch.triangles && before.step == 0.0, "{file} does not move");
+            assert!(patch.step > 0.0 && patch.triangles != patch.previous, "{file} has no motion");
+            // The previous shape is that of the time before.
+            let earlier = scene.at(time - 0.05, time - 0.05).instances;
+            let same = earlier.patches.iter().any(|earlier| earlier.triangles == patch.previous);
+            assert!(same, "{file}");
+            assert!(patch.vertices.iter().all(|vertex| (vertex.normal.length() - 1.0).abs() < 1e-3), "{file}");
+        }
+        bvh::check(&iprt::scene::deform::patched(&scene.packed, &later.patches)).expect("a valid bottom level");
+        bvh::check_top(&scene.packed, &later).expect("a valid top level");
+        // What is at rest stands where it did when it was loaded.
+        let mut still = scene.objects().next().expect("one").clone();
+        still.clip = None;
+        let still = scene.with_objects(&[still]).expect("packs");
+        assert!(still.at(1.0, 0.5).instances.patches.is_empty() && !still.packed.triangles.is_empty());
     }
+}
+
+/// A vertex with more than eight influences, and one whose weights do not sum to 1.
+#[test]
+fn skins_have_any_number_of_influences() {
+    let joints: Vec<String> = (0..12).map(|i| format!(r#"{{"translation":[{i},0,0]}}"#)).collect();
+    let mut bytes: Vec<u8> = [0.0f32; 9].iter().flat_map(|v| v.to_le_bytes()).collect();
+    bytes[12..16].copy_from_slice(&1.0f32.to_le_bytes());
+    bytes[28..32].copy_from_slice(&1.0f32.to_le_bytes());
+    for set in 0..3u8 {
+        bytes.extend((0..3).flat_map(|_| (0..4).map(move |i| 4 * set + i)));
+    }
+    bytes.extend((0..12).flat_map(|_| 0.25f32.to_le_bytes()));
+    let text: String = bytes.iter().map(|byte| format!("%{byte:02x}")).collect();
+    let numbers = (0..12).map(|i| (i + 1).to_string()).collect::<Vec<_>>().join(",");
+    let (model, warnings) = inline(&format!(
+        r#""scenes":[{{"nodes":[0,{numbers}]}}],"nodes":[{{"mesh":0,"skin":0,"translation":[0,7,0]}},{}],"skins":[{{"joints":[{numbers}]}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"JOINTS_0":1,"JOINTS_1":2,"JOINTS_2":3,"WEIGHTS_0":4,"WEIGHTS_1":4,"WEIGHTS_2":4}}}}]}}],
+        "buffers":[{{"byteLength":120,"uri":"data:application/octet-stream,{text}"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":36}},{{"buffer":0,"byteOffset":72,"byteLength":48}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"type":"VEC3","count":3}},
+            {{"bufferView":1,"componentType":5121,"type":"VEC4","count":3}},
+            {{"bufferView":1,"byteOffset":12,"componentType":5121,"type":"VEC4","count":3}},
+            {{"bufferView":1,"byteOffset":24,"componentType":5121,"type":"VEC4","count":3}},
+            {{"bufferView":2,"componentType":5126,"type":"VEC4","count":3}}]"#,
+        joints.join(",")
+    ))
+    .expect("loads");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    // Twelve joints of equal weight stand at 0 to 11, so that the mean moves by 5.5. The node's own place counts for nothing.
+    assert!(model.meshes[0].positions[0].abs_diff_eq(Vec3::new(5.5, 0.0, 0.0), 1e-5), "{:?}", model.meshes[0].positions);
+    assert_eq!(model.meshes[0].deform.as_ref().expect("a skin").influences[0].len(), 12);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
 struct Vertex { vec3 normal; vec2 uv; vec4 tangent; uint color; vec2 uv2; };
-struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint padding[2]; };
+struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint previous; float step; };
 struct Mover { vec3 now; float radius; vec3 before; float step; uint id; float glow; };
 // The textures of a material (`Slot` in scene/material.rs).
 const uint SLOTS = 15u;
@@ -51,6 +51,9 @@ layout(set = 0, binding = 24, scalar) readonly buffer Instances { Instance insta
 // What has moved since the last frame.
 layout(set = 0, binding = 81, scalar) readonly buffer Movers { Mover mover[]; } in_movers;
 layout(set = 0, binding = 25, rgba32ui) uniform readonly uimage2D in_top_nodes;
+// Triangles that change their shape, as they were a frame ago; in_triangles has the first of them at the instance's
+// `previous`.
+layout(set = 0, binding = 82, rgba32ui) uniform readonly uimage2D in_previous_triangles;
 // An instance is four: the rows of world_to_object, and the root of its bottom level.
 layout(set = 0, binding = 19, rgba32ui) uniform readonly uimage2D in_places;
 layout(set = 0, binding = 26, scalar) readonly buffer Materials { Material material[]; } in_materials;

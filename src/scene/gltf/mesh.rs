@@ -4,14 +4,16 @@ use super::{
     CONVERTERS, Fault, File, Read, accessor, fault,
     json::Json,
     material::{Materials, Used},
-    skin::{self, Influence},
+    skin,
     tangent,
 };
 use crate::scene::{
+    deform::{Deform, Skin, Target},
     material::TextureUse,
     model::{Mesh, Model},
 };
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use std::sync::Arc;
+use glam::{Vec2, Vec3, Vec4};
 
 /// One primitive. Every array of vertices is empty or has an entry for each position.
 #[derive(Default)]
@@ -26,22 +28,29 @@ struct Part {
     triangles: Vec<[u32; 3]>,
     /// The texture along whose coordinates tangents are made.
     along: Option<TextureUse>,
+    /// What moves the vertices, if anything does.
+    deform: Option<Deform>,
 }
 
-/// Reads mesh `index`, and adds its materials and textures to `model`. With `joints` its vertices stand where
-/// these put them.
+/// What moves a mesh: its skin, and the node that has the weights of its morph targets.
+#[derive(Clone)]
+pub(super) struct Motion {
+    pub skin: Option<Skin>,
+    pub weights_of: usize,
+}
+
+/// Reads mesh `index`, and adds its materials and textures to `model`. Its vertices stand where `motion` puts them
+/// at rest.
 pub(super) fn load(
     file: &File,
     index: usize,
-    joints: Option<&[Mat4]>,
+    motion: &Motion,
     materials: &mut Materials,
     model: &mut Model,
 ) -> Read<Mesh> {
     let source = file.root.entry("meshes", index);
     let mut mesh = Mesh { name: source.name_or(index), ..Mesh::default() };
-    if source.list("primitives").any(|primitive| primitive.list("targets").len() > 0) {
-        file.unsupported(&format!("mesh {index}"), "a morph target", "drawn without it");
-    }
+    let mut parts = Vec::new();
     for (number, primitive) in source.list("primitives").enumerate() {
         let user = format!("mesh {index}, primitive {number}");
         let mappings = primitive.extension("KHR_materials_variants").list("mappings");
@@ -49,7 +58,11 @@ pub(super) fn load(
             mappings.clone().find(|mapping| mapping.indices("variants").contains(&variant))?.index("material")
         });
         let material = materials.get(file, varied.or(primitive.index("material")), model);
-        let Some(part) = load_part(file, primitive, &user, material, joints)? else { continue };
+        let Some(part) = load_part(file, primitive, &user, material, motion, model)? else { continue };
+        parts.push((part, material));
+    }
+    mesh.deform = joined(&parts, motion).map(Arc::new);
+    for (part, material) in parts {
         let (first, vertices) = (mesh.positions.len(), part.positions.len());
         mesh.positions.extend(part.positions);
         mesh.normals.extend(part.normals);
@@ -67,7 +80,48 @@ pub(super) fn load(
     Ok(mesh)
 }
 
-fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: Option<&[Mat4]>) -> Read<Option<Part>> {
+/// Joins what moves the parts of a mesh, if anything does.
+fn joined(parts: &[(Part, Used)], motion: &Motion) -> Option<Deform> {
+    let all = || parts.iter().map(|(part, _)| part);
+    let targets = all().filter_map(|part| part.deform.as_ref()).map(|deform| deform.targets.len()).max()?;
+    // Where one part has flat normals, all are made anew from the triangles, which have vertices of their own there.
+    let normals = all().all(|part| part.deform.as_ref().is_some_and(|deform| !deform.normals.is_empty()));
+    let mut whole = Deform {
+        weights_of: motion.weights_of,
+        skin: motion.skin.clone(),
+        targets: vec![Target::default(); targets],
+        ..Deform::default()
+    };
+    for part in all() {
+        let count = part.positions.len();
+        let own = part.deform.clone().unwrap_or_default();
+        whole.positions.extend(if own.positions.is_empty() { part.positions.clone() } else { own.positions });
+        if normals {
+            whole.normals.extend(own.normals);
+        }
+        let still = vec![(0, 1.0)];
+        whole.influences.extend(if own.influences.is_empty() { vec![still; count] } else { own.influences });
+        for (index, target) in whole.targets.iter_mut().enumerate() {
+            let own = own.targets.get(index).cloned().unwrap_or_default();
+            let filled = |mut values: Vec<Vec3>| {
+                values.resize(count, Vec3::ZERO);
+                values
+            };
+            target.positions.extend(filled(own.positions));
+            target.normals.extend(filled(own.normals));
+        }
+    }
+    Some(whole)
+}
+
+fn load_part(
+    file: &File,
+    primitive: Json,
+    user: &str,
+    material: Used,
+    motion: &Motion,
+    model: &Model,
+) -> Read<Option<Part>> {
     let mode = match primitive.get("mode").exists() {
         true => primitive.index("mode"),
         false => Some(TRIANGLES),
@@ -120,10 +174,22 @@ fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: O
         colors,
         triangles: triangles(mode.unwrap_or(TRIANGLES), &corners),
         along: material.tangents,
+        deform: None,
     };
-    if let Some(joints) = joints {
-        let influences = skin::influences(file, attributes, vertices, user)?;
-        part.pose(joints, &influences);
+    let targets = targets(file, primitive, vertices, user);
+    if motion.skin.is_some() || !targets.is_empty() {
+        let influences = match &motion.skin {
+            Some(skin) => skin::influences(file, attributes, vertices, skin.joints.len(), user)?,
+            None => Vec::new(),
+        };
+        part.rest(Deform {
+            positions: part.positions.clone(),
+            normals: part.normals.clone(),
+            targets,
+            weights_of: motion.weights_of,
+            skin: motion.skin.clone(),
+            influences,
+        }, model);
     }
     part.leave_out_bad_vertices(file, user);
     if part.normals.is_empty() {
@@ -138,6 +204,24 @@ fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: O
         part = tangent::generate(part);
     }
     Ok(Some(part))
+}
+
+/// Reads morph targets. What cannot be read moves nothing.
+fn targets(file: &File, primitive: Json, vertices: usize, user: &str) -> Vec<Target> {
+    let of = |(number, target): (usize, Json)| {
+        let user = format!("{user}, target {number}");
+        let read = |name: &str| {
+            let values = optional(file, target, name, vertices, &user).unwrap_or_default();
+            values.into_iter().map(Vec3::from_array).collect::<Vec<Vec3>>()
+        };
+        Target { positions: read("POSITION"), normals: read("NORMAL") }
+    };
+    let all = primitive.list("targets");
+    if file.count_corners(all.len().saturating_mul(vertices)).is_err() {
+        file.warn(user, "has more morph targets than fit: left out");
+        return Vec::new();
+    }
+    all.enumerate().map(of).collect()
 }
 
 /// Reads the colours of vertices, of three or four parts.
@@ -194,8 +278,15 @@ impl Part {
         (b - a).cross(c - a).normalize_or_zero().as_vec3()
     }
 
-    fn pose(&mut self, joints: &[Mat4], influences: &[Influence]) {
-        skin::pose(joints, influences, &mut self.positions, &mut self.normals, &mut self.tangents);
+    /// Puts the vertices where they are at rest.
+    fn rest(&mut self, deform: Deform, model: &Model) {
+        let posed = deform.pose(&model.rig.node_matrices(None), &model.rig.weights(deform.weights_of, None));
+        (self.positions, self.normals) = (posed.positions, posed.normals);
+        for (tangent, turn) in self.tangents.iter_mut().zip(&posed.turns) {
+            let [x, y, z, sign] = *tangent;
+            *tangent = (*turn * Vec3::new(x, y, z)).normalize_or_zero().extend(sign).to_array();
+        }
+        self.deform = Some(deform);
     }
 
     /// Leaves out triangles with a vertex that does not exist, is not finite or lies beyond 1e9.
@@ -211,6 +302,10 @@ impl Part {
         for (position, _) in self.positions.iter_mut().zip(good).filter(|(_, good)| !good) {
             *position = Vec3::ZERO;
         }
+        if let Some(deform) = &mut self.deform {
+            let numbers = |v: &mut Vec3| *v = if v.is_finite() { *v } else { Vec3::ZERO };
+            deform.positions.iter_mut().for_each(numbers);
+        }
     }
 
     /// Makes vertex `i` what vertex `old[i]` was. Tangents are dropped.
@@ -225,6 +320,17 @@ impl Part {
         take(&mut self.uvs, old);
         take(&mut self.uvs2, old);
         take(&mut self.colors, old);
+        if let Some(deform) = &mut self.deform {
+            take(&mut deform.positions, old);
+            take(&mut deform.normals, old);
+            if !deform.influences.is_empty() {
+                deform.influences = old.iter().map(|vertex| deform.influences[*vertex].clone()).collect();
+            }
+            for target in &mut deform.targets {
+                take(&mut target.positions, old);
+                take(&mut target.normals, old);
+            }
+        }
         self.tangents.clear();
     }
 

@@ -248,20 +248,22 @@ impl<'a> File<'a> {
         let mut model = Model::default();
         let drawn = node::load(self, &mut model);
         let place = node::places(self, &drawn);
-        let matrices: Vec<glam::Mat4> = model.rig.node_matrices(None).into_iter().map(Into::into).collect();
-        let placed: Vec<_> = place.iter().map(|place| place.map(|node| matrices[node])).collect();
         let mut materials = material::Materials::new(self.root.list("materials").len());
-        let mut meshes: BTreeMap<(usize, Option<usize>), usize> = BTreeMap::new();
+        // A mesh that a skin or weights move is another one at each node.
+        let mut meshes: BTreeMap<(usize, Option<usize>, Option<usize>), usize> = BTreeMap::new();
         for node in drawn {
             let Some(mesh) = node.mesh else { continue };
-            let known = match meshes.get(&(mesh, node.skin)) {
+            let morphs = !model.rig.nodes[node.place].weights.is_empty();
+            let key = (mesh, node.skin, morphs.then_some(node.place));
+            let known = match meshes.get(&key) {
                 Some(known) => *known,
                 None => {
-                    let joints = node.skin.map(|skin| skin::joints(self, skin, &placed));
-                    let joints = joints.and_then(|joints| joints.map_err(|fault| self.left_out(fault)).ok());
-                    let loaded = mesh::load(self, mesh, joints.as_deref(), &mut materials, &mut model)?;
+                    let skin = node.skin.map(|skin| skin::load(self, skin, &place));
+                    let skin = skin.and_then(|skin| skin.map_err(|fault| self.left_out(fault)).ok());
+                    let motion = mesh::Motion { skin, weights_of: node.place };
+                    let loaded = mesh::load(self, mesh, &motion, &mut materials, &mut model)?;
                     model.meshes.push(loaded);
-                    meshes.insert((mesh, node.skin), model.meshes.len() - 1);
+                    meshes.insert(key, model.meshes.len() - 1);
                     model.meshes.len() - 1
                 }
             };
