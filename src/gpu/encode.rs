@@ -188,7 +188,10 @@ fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
                 let region = vk::BufferCopy { src_offset: *from, dst_offset: *offset, size: *bytes };
                 device.cmd_copy_buffer(commands, *staging, buffer.handle(), &[region]);
             }
-            Action::Write { from: (staging, from), to: Destination::Image { image, layer, level, first_row, rows } } => {
+            Action::Write {
+                from: (staging, from),
+                to: Destination::Image { image, layer, level, first_row, rows },
+            } => {
                 let whole = transfer::region(image, *layer, *level)?.buffer_offset(*from);
                 let extent = vk::Extent3D { height: *rows, ..whole.image_extent };
                 let offset = vk::Offset3D { x: 0, y: *first_row as i32, z: 0 };

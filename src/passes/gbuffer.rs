@@ -42,8 +42,11 @@ impl Gbuffer {
         let in_view = shown && plan.on(Part::VirtualSurfaces);
         let projection = look.role.projection(plan);
         let materials = plan.materials();
-        let material =
-            [&materials[..], &[plan.constant(Part::Emission), plan.constant(Part::Motion), plan.constant(Part::Deformation), projection]].concat();
+        let material = [
+            &materials[..],
+            &[plan.constant(Part::Emission), plan.constant(Part::Motion), plan.constant(Part::Deformation), projection],
+        ]
+        .concat();
         let rays = [Part::OffCentre.constant(u32::from(look.off_centre)), plan.constant(Part::Objects)];
         let centre = [
             ("FILL_UNSEEN", u32::from(plan.settings.fill_unseen)), // what is behind objects needs no colour

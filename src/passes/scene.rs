@@ -66,9 +66,13 @@ impl SceneBuffers {
         let previous = Table::new(gpu, "previous triangles", deforming * TRIANGLE_TEXELS)?;
         let places = Table::new(gpu, "places", instances * PLACE_TEXELS)?;
         let top_nodes = Table::new(gpu, "top bvh nodes", 2 * instances * size_of::<BvhNode>() / TEXEL)?;
-        for (name, table) in
-            [("triangles", &triangles), ("nodes", &nodes), ("places", &places), ("top_nodes", &top_nodes), ("previous_triangles", &previous)]
-        {
+        for (name, table) in [
+            ("triangles", &triangles),
+            ("nodes", &nodes),
+            ("places", &places),
+            ("top_nodes", &top_nodes),
+            ("previous_triangles", &previous),
+        ] {
             resources.add(name, Resource::Image(table.0.clone()));
         }
         let before = |items: &[[u32; 4]], first: usize| items[first / TABLE_ROW * TABLE_ROW..first].to_vec();

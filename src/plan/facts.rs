@@ -112,7 +112,10 @@ impl Facts {
             footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
             camera: camera_place(scene),
             instances,
-            deforming: scene.deforming_object().filter(|_| instances > 0).map(|name| format!("{name} changes its shape")),
+            deforming: scene
+                .deforming_object()
+                .filter(|_| instances > 0)
+                .map(|name| format!("{name} changes its shape")),
             in_view: instances > 0 && in_view(scene, options, moving.is_some()),
             emissive: materials(&|m| m.emissive != Vec3::ZERO),
             texture_slots: texture_slots(&scene.packed),

@@ -183,10 +183,7 @@ mod tests {
     #[test]
     fn clips_repeat_and_rotations_slerp() {
         let quarter = Vec4::from(Quat::from_rotation_y(1.0));
-        let clip = Clip {
-            name: "turn".into(),
-            ..Clip::default()
-        };
+        let clip = Clip { name: "turn".into(), ..Clip::default() };
         let clip = Clip {
             channels: vec![Channel {
                 node: 0,
@@ -206,8 +203,7 @@ mod tests {
 
     #[test]
     fn clips_can_begin_later_and_hold_and_move_weights() {
-        let weights =
-            Weights { node: 2, join: Join::Linear, times: vec![0.0, 2.0], values: vec![0.0, 1.0, 1.0, 0.5] };
+        let weights = Weights { node: 2, join: Join::Linear, times: vec![0.0, 2.0], values: vec![0.0, 1.0, 1.0, 0.5] };
         let clip = Clip { weights: vec![weights], ..Clip::default() };
         assert_eq!(clip.weights_at(2, 1.0), Some(vec![0.5, 0.75]));
         assert_eq!(clip.weights_at(2, 2.5), Some(vec![0.25, 0.875]), "it repeats");

@@ -108,7 +108,12 @@ impl Packed {
     ///
     /// # Errors
     /// Fails if it does not fit.
-    pub fn deforming(&mut self, number: usize, model: &Model, mesh: usize) -> Result<Option<(PackedMesh, deform::Placed)>> {
+    pub fn deforming(
+        &mut self,
+        number: usize,
+        model: &Model,
+        mesh: usize,
+    ) -> Result<Option<(PackedMesh, deform::Placed)>> {
         let scene = &mut self.scene;
         let first = [scene.triangles.len() as u32, scene.vertices.len() as u32];
         let (packed, corners, _) = pack_mesh(scene, &model.meshes[mesh], self.first_materials[number]);

@@ -135,9 +135,7 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
             })
         })
         .collect();
-    let rests = |model: &Arc<Model>| {
-        objects.iter().any(|object| Arc::ptr_eq(&object.model, model) && !plays(object))
-    };
+    let rests = |model: &Arc<Model>| objects.iter().any(|object| Arc::ptr_eq(&object.model, model) && !plays(object));
     let mut packed = pack(&models.iter().map(|model| (model.as_ref(), rests(model))).collect::<Vec<_>>())?;
     let mut next_id = 1;
     let mut placed = Vec::new();

@@ -189,7 +189,11 @@ fn skins_have_any_number_of_influences() {
     .expect("loads");
     assert!(warnings.is_empty(), "{warnings:?}");
     // Twelve joints of equal weight stand at 0 to 11, so that the mean moves by 5.5. The node's own place counts for nothing.
-    assert!(model.meshes[0].positions[0].abs_diff_eq(Vec3::new(5.5, 0.0, 0.0), 1e-5), "{:?}", model.meshes[0].positions);
+    assert!(
+        model.meshes[0].positions[0].abs_diff_eq(Vec3::new(5.5, 0.0, 0.0), 1e-5),
+        "{:?}",
+        model.meshes[0].positions
+    );
     assert_eq!(model.meshes[0].deform.as_ref().expect("a skin").influences[0].len(), 12);
 }
 

@@ -4,16 +4,15 @@ use super::{
     CONVERTERS, Fault, File, Read, accessor, fault,
     json::Json,
     material::{Materials, Used},
-    skin,
-    tangent,
+    skin, tangent,
 };
 use crate::scene::{
     deform::{Deform, Skin, Target},
     material::TextureUse,
     model::{Mesh, Model},
 };
-use std::sync::Arc;
 use glam::{Vec2, Vec3, Vec4};
+use std::sync::Arc;
 
 /// One primitive. Every array of vertices is empty or has an entry for each position.
 #[derive(Default)]
@@ -182,14 +181,17 @@ fn load_part(
             Some(skin) => skin::influences(file, attributes, vertices, skin.joints.len(), user)?,
             None => Vec::new(),
         };
-        part.rest(Deform {
-            positions: part.positions.clone(),
-            normals: part.normals.clone(),
-            targets,
-            weights_of: motion.weights_of,
-            skin: motion.skin.clone(),
-            influences,
-        }, model);
+        part.rest(
+            Deform {
+                positions: part.positions.clone(),
+                normals: part.normals.clone(),
+                targets,
+                weights_of: motion.weights_of,
+                skin: motion.skin.clone(),
+                influences,
+            },
+            model,
+        );
     }
     part.leave_out_bad_vertices(file, user);
     if part.normals.is_empty() {
