@@ -270,7 +270,7 @@ bool bsdf_leaves(Surface s, uint lobe, vec3 d) {
     return dot(d, s.geometric) > 0.0 || (TRANSMISSION != 0u && lobe == TRANSMITTED);
 }
 
-const float LEAST_SHEEN = 0.1; // roughness
+const float LEAST_SHEEN = 0.2; // roughness
 
 // Returns f*cos of the sheen lobe of colour 1.
 float sheen_evaluate(Surface s, vec3 to_eye, vec3 d) {

@@ -42,7 +42,7 @@ pub fn ggx_table() -> Vec<[f32; 2]> {
 /// Directional albedo of the sheen lobe of colour 1 (Charlie's distribution, Estevez and Kulla 2017; visibility by
 /// Neubelt and Pettineo 2013), in x, over the same axes. Integrated over cosine-weighted directions.
 pub fn sheen_table() -> Vec<[f32; 2]> {
-    const SAMPLES: usize = 48;
+    const SAMPLES: usize = 64;
     let entry = |index: usize| {
         let (row, column) = (index / ENERGY_SIZE, index % ENERGY_SIZE);
         let roughness = (row as f64 / (ENERGY_SIZE - 1) as f64).max(LEAST_SHEEN);
@@ -66,7 +66,7 @@ pub fn sheen_table() -> Vec<[f32; 2]> {
 }
 
 /// The least roughness of sheen. `bsdf.glsl` has the same constant.
-const LEAST_SHEEN: f64 = 0.1;
+const LEAST_SHEEN: f64 = 0.2;
 
 fn smith_lambda(cosine: f64, alpha: f64) -> f64 {
     let c2 = cosine * cosine;

@@ -355,7 +355,7 @@ fn what_is_odd_or_unused_never_refuses_a_file() {
     for (members, words) in [
         (triangle(&lines, r#""count":3"#, ""), None),
         (triangle(TRIANGLE, r#""count":3"#, r#","material":7"#), Some("default material")),
-        (format!(r#"{plain},"extensionsRequired":["EXT_nonsense"]"#), Some("EXT_nonsense")),
+        (format!(r#"{plain},"extensionsUsed":["EXT_nonsense"]"#), Some("EXT_nonsense")),
         (format!(r#"{plain},"extensionsRequired":["KHR_materials_specular"]"#), None),
         (format!(r#"{plain},"images":[{{"uri":"absent.png"}}],"cameras":[{{"type":"fisheye"}}],"skins":[{{}}]"#), None),
         (
@@ -426,6 +426,42 @@ fn meshes_used_twice_are_packed_once() {
     let instances = scene.at(0.0, 0.0).instances.instances;
     assert_eq!(instances[0].root, instances[1].root);
     assert_eq!((instances[1].id, instances[1].object_to_world[2][3]), (2, 5.0));
+}
+
+/// The extensions that Khronos lists, ratified and of vendors. Each is read, passed over in silence because it shows
+/// nothing, or named once; and one that is required and not read is an error that names it.
+#[test]
+fn every_listed_extension_is_read_or_named() {
+    let plain = triangle(TRIANGLE, r#""count":3"#, "");
+    let read = "KHR_lights_punctual KHR_materials_anisotropy KHR_materials_clearcoat KHR_materials_dispersion \
+        KHR_materials_emissive_strength KHR_materials_ior KHR_materials_iridescence KHR_materials_sheen \
+        KHR_materials_specular KHR_materials_transmission KHR_materials_unlit KHR_materials_variants \
+        KHR_materials_volume KHR_materials_pbrSpecularGlossiness KHR_mesh_quantization KHR_texture_transform \
+        EXT_mesh_gpu_instancing EXT_texture_webp KHR_xmp_json_ld KHR_xmp";
+    // What these compress is an error or a warning where it is met, with a command that converts the file.
+    let converted = "KHR_draco_mesh_compression EXT_meshopt_compression KHR_meshopt_compression KHR_texture_basisu \
+        EXT_texture_avif MSFT_texture_dds";
+    let other = "KHR_animation_pointer KHR_node_visibility KHR_node_hoverability KHR_node_selectability \
+        KHR_interactivity KHR_audio_graph KHR_audio_emitter KHR_physics_rigid_bodies KHR_materials_diffuse_transmission \
+        KHR_materials_volume_scatter KHR_techniques_webgl KHR_gaussian_splatting EXT_lights_image_based \
+        EXT_lights_ies EXT_mesh_features EXT_structural_metadata EXT_instance_features EXT_primitive_voxels \
+        EXT_mesh_primitive_restart ADOBE_materials_clearcoat_specular ADOBE_materials_thin_transparency \
+        AGI_articulations AGI_stk_metadata CESIUM_primitive_outline FB_geometry_metadata GODOT_single_root \
+        GRIFFEL_bim_data MPEG_media MPEG_accessor_timed MPEG_animation_timing MPEG_audio_spatial \
+        MPEG_buffer_circular MPEG_mesh_linking MPEG_scene_dynamic MPEG_texture_video MPEG_viewport_recommended \
+        MSFT_lod MSFT_packing_normalRoughnessMetallic MSFT_packing_occlusionRoughnessMetallic NV_materials_mdl \
+        OMI_collider OMI_physics_body VRMC_vrm";
+    for (list, named) in [(read, false), (converted, false), (other, true)] {
+        for name in list.split_whitespace() {
+            let (_, warnings) = inline(&format!(r#"{plain},"extensionsUsed":["{name}","{name}"]"#)).expect(name);
+            assert_eq!(warnings.iter().filter(|warning| warning.contains(name)).count(), usize::from(named), "{name}");
+            let required = inline(&format!(r#"{plain},"extensionsUsed":["{name}"],"extensionsRequired":["{name}"]"#));
+            match required {
+                Ok((_, warnings)) => assert!(!named && warnings.is_empty(), "{name}: {warnings:?}"),
+                Err(line) => assert!(named && line.contains(name) && !line.contains('\n'), "{line}"),
+            }
+        }
+    }
 }
 
 /// Flipped bytes in real files: an error or a model, never a panic.

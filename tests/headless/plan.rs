@@ -16,7 +16,9 @@ use iprt::{
     reference::capture::{CaptureSettings, room_frames},
     renderer::Renderer,
     scene::{
-        Scene,
+        Object, Scene,
+        clip::{Clip, Join, Weights},
+        deform::{Deform, Target},
         file::RenderSettings,
         rooms::{NAMES, Video, by_name},
     },
@@ -173,6 +175,21 @@ fn lit_room(window: f32) -> PanoramaFrame {
     })
 }
 
+/// A box that a morph target makes higher in a second.
+fn growing(at: Vec3) -> Object {
+    let mut still = object(iprt::scene::shapes::Shape::Box.mesh(vec3(0.3, 0.1, 0.3)), lambert(0.6), at);
+    let model = std::sync::Arc::make_mut(&mut still.model);
+    let mesh = &mut model.meshes[0];
+    let up = mesh.positions.iter().map(|p| if p.y > 0.0 { 0.5 * Vec3::Y } else { Vec3::ZERO }).collect();
+    let target = Target { positions: up, normals: vec![] };
+    let (positions, normals) = (mesh.positions.clone(), mesh.normals.clone());
+    mesh.deform = Some(std::sync::Arc::new(Deform { positions, normals, targets: vec![target], ..Deform::default() }));
+    model.rig.nodes[0].weights = vec![0.0];
+    let weights = Weights { node: 0, join: Join::Linear, times: vec![0.0, 1.0], values: vec![0.0, 1.0] };
+    model.rig.clips.push(Clip { weights: vec![weights], hold: true, ..Clip::default() });
+    Object { clip: Some(0), ..still }
+}
+
 #[test]
 fn in_scenes_made_for_it_the_plan_is_right() {
     validated(|gpu| {
@@ -260,6 +277,10 @@ fn in_scenes_made_for_it_the_plan_is_right() {
         let parts =
             [Part::Alpha, Part::Transmission, Part::Clearcoat, Part::Sheen, Part::Anisotropy, Part::Iridescence];
         run(Case::new("a ball of each material", varied, &still), false, &[Part::Textures], &parts);
+
+        let growing = scene(lit_room(3.0), look.clone(), vec![growing(hovering)]);
+        let times = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
+        run(Case::new("a box that grows", growing, &times), false, &[], &[Part::Deformation, Part::Motion]);
 
         let far = surroundings([64, 32], |_| 0.0, |d| 0.3 + 0.7 * colourful(d) * d.y.max(0.0));
         let shiny = ball(0.4, metal(0.3), vec3(0.0, -0.3, -1.5));

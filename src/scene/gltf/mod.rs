@@ -58,6 +58,16 @@ const CONVERTERS: [(&str, &str); 3] = [
     ("KHR_meshopt_compression", "gltfpack -noq -i IN.glb -o OUT.glb"),
 ];
 
+/// Extensions with images that are not read, and the command that writes the file with others.
+const IMAGES: [(&str, &str); 3] = [
+    ("KHR_texture_basisu", "gltf-transform ktxdecompress IN.glb OUT.glb"),
+    ("EXT_texture_avif", "gltf-transform png IN.glb OUT.glb"),
+    ("MSFT_texture_dds", "gltf-transform png IN.glb OUT.glb"),
+];
+
+/// Extensions that do not change what is seen.
+const SILENT: [&str; 3] = ["KHR_xmp", "KHR_xmp_json_ld", "EXT_mesh_manifold"];
+
 /// Loads a `.gltf` or `.glb` file. The warnings name what was left out.
 ///
 /// # Errors
@@ -179,8 +189,15 @@ impl<'a> File<'a> {
         if version.is_none() {
             file.warn("asset", "has no version: 2.0 is taken");
         }
-        let unknown = |name: &&str| !SUPPORTED.contains(name) && !CONVERTERS.iter().any(|(known, _)| known == name);
-        for extension in root.texts("extensionsUsed").chain(root.texts("extensionsRequired")).filter(unknown) {
+        let unknown = |name: &&str| {
+            let converted = CONVERTERS.iter().chain(&IMAGES).any(|(known, _)| known == name);
+            !SUPPORTED.contains(name) && !SILENT.contains(name) && !converted
+        };
+        if let Some(extension) = root.texts("extensionsRequired").find(unknown) {
+            let problem = format!("requires the extension {}, which is not read", read::one_line(&extension));
+            return Err(Fault { problem, remedy: "export it without".into() });
+        }
+        for extension in root.texts("extensionsUsed").filter(unknown) {
             file.unsupported("extensionsUsed", &format!("the extension {}", read::one_line(&extension)), "ignored");
         }
         Ok(file)

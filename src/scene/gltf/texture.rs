@@ -1,6 +1,6 @@
 //! Reads textures of a glTF file, and where they lie on a surface.
 
-use super::{File, Read, json::Json, resource};
+use super::{File, IMAGES, Read, json::Json, resource};
 use crate::scene::{
     material::{TexelEncoding, Texture, Wrap},
     model::Model,
@@ -67,11 +67,12 @@ impl Textures {
         let webp = source.extension("EXT_texture_webp").index("source");
         let Some(image) = source.index("source").or(webp) else {
             let user = format!("texture {index}");
-            let problem = match ["KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"]
-                .into_iter()
-                .find(|extension| source.extension(extension).exists())
-            {
-                Some(extension) => format!("has its image in {extension} alone, which is not supported: left out"),
+            let problem = match IMAGES.iter().find(|(extension, _)| source.extension(extension).exists()) {
+                Some((extension, command)) => {
+                    format!(
+                        "has its image in {extension} alone, which is not read: left out; convert it, as by: {command}"
+                    )
+                }
                 None if source.exists() => "has no source: left out".to_owned(),
                 None => "does not exist: left out".to_owned(),
             };
