@@ -65,7 +65,7 @@ impl SceneBuffers {
         add("movers", movers.clone());
         let shining = Shining::of(scene);
         let most = shining.most(scene.nodes.iter().enumerate().map(|(index, _)| index as u32)) * instances.max(1);
-        let bytes = size_of::<EmitterHeader>() + most.min(MAX_EMITTERS).max(1) * size_of::<Light>();
+        let bytes = size_of::<EmitterHeader>() + most.clamp(1, MAX_EMITTERS) * size_of::<Light>();
         let emitters = gpu.buffer("emitters", bytes as u64)?;
         resources.add("emitters", Resource::Buffer(emitters.clone()));
         let triangle_items = triangle_items(&scene.triangles);
