@@ -5,9 +5,11 @@
 //! The tests of one file: `cargo nextest run renderer::` or `cargo test --test headless renderer::`.
 
 mod adding;
+mod agreement;
 mod alpha;
 mod bounces;
 mod bvh;
+mod caches;
 mod cases;
 mod chart;
 mod cli;
@@ -16,9 +18,11 @@ mod compare;
 mod converged;
 mod devices;
 mod docs;
+mod fault_cases;
 #[cfg(feature = "faults")]
 mod faults;
 mod folder;
+mod fuzz;
 mod gltf;
 mod gpu;
 mod identities;
@@ -41,11 +45,13 @@ mod shapes;
 mod stability;
 mod stored;
 mod target;
+mod terminal;
 mod tracer;
 mod truth;
 mod truth_cli;
 mod unseen;
 mod view;
+mod vulkan_faults;
 
 /// SPIR-V of `tests/glsl/*.comp`.
 mod shaders {

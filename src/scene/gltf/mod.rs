@@ -164,6 +164,8 @@ struct File<'a> {
     corners: Cell<usize>,
     /// The number of the variant whose materials are taken.
     variant: Option<usize>,
+    /// Elements of accessors without a buffer so far.
+    zeros: Cell<usize>,
 }
 
 const MAX_CORNERS: usize = 1 << 25;
@@ -185,6 +187,7 @@ impl<'a> File<'a> {
             warnings: RefCell::default(),
             corners: Cell::new(0),
             variant: None,
+            zeros: Cell::new(0),
         };
         if version.is_none() {
             file.warn("asset", "has no version: 2.0 is taken");
