@@ -17,6 +17,7 @@
 //!   [`gpu::Ticket`], and waiting for the ticket gives the time of each dispatch.
 //! * [`image_file`] reads PNG, JPEG, WebP, TIFF, HDR and EXR, and hears what they say of layers, crops and
 //!   colours. It writes PNG and EXR, and never leaves half a file.
+//! * [`media`] reads and writes videos by `ffmpeg`, whose frames cross pipes.
 //! * [`panorama`] loads the video's frames as linear radiance and metres, maps directions to texels, and
 //!   finds the floor.
 //! * [`scene`] reads scene files and glTF objects, and has built-in [`scene::rooms`]. A [`scene::Scene`]
@@ -102,6 +103,7 @@ pub mod gpu;
 pub mod image_file;
 pub mod inspect;
 pub mod measure;
+pub mod media;
 pub mod options;
 pub mod output;
 pub mod panorama;

@@ -5,7 +5,8 @@ use super::common::{DeviceArgs, open_scene, scene_path};
 use crate::{
     Error, Result,
     image_file::write::write_bytes,
-    inspect::{Report, sheet},
+    inspect::{Report, sheet, video::VideoReport},
+    media,
     panorama::cloud::Cloud,
     scene::{Scene, load::Examined, rooms},
     warnings,
@@ -15,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Arguments of `iprt check`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// A scene file, or a built-in room
+    /// A scene file, a built-in room, or a video file
     pub scene: String,
     /// Write a sheet of pictures: colour, depth, normals, and floor and objects from above
     #[arg(short, long, value_name = "PNG")]
@@ -42,6 +43,9 @@ pub fn run(args: &Args) -> Result<()> {
     for path in [&args.output, &args.json].into_iter().flatten().filter(|path| *path != Path::new("-")) {
         super::render::require_folder(path)?;
     }
+    if media::is_video(Path::new(&args.scene)) {
+        return check_video(args);
+    }
     let mut examined = examine(args)?;
     let mut found = std::mem::take(&mut examined.warnings);
     if let (Some(scene), Some(frame)) = (&examined.scene, &examined.first) {
@@ -53,14 +57,7 @@ pub fn run(args: &Args) -> Result<()> {
             sheet::write(path, &report, scene, frame, &cloud)?;
         }
         match &args.json {
-            Some(path) => {
-                let json = serde_json::to_string_pretty(&report).map_err(|e| Error::Internal(e.to_string()))?;
-                if path == Path::new("-") {
-                    super::print(&json)?;
-                } else {
-                    write_bytes(path, json.as_bytes())?;
-                }
-            }
+            Some(path) => write_json(path, &report)?,
             None => super::print(report.text().trim_end())?,
         }
     }
@@ -78,6 +75,31 @@ pub fn run(args: &Args) -> Result<()> {
             super::forbid_warnings(args.strict && !found.is_empty(), &args.scene)
         }
     }
+}
+
+/// Prints what was understood of a video file.
+fn check_video(args: &Args) -> Result<()> {
+    let path = Path::new(&args.scene);
+    if args.output.is_some() {
+        let remedy = format!("write a scene first: iprt new {}", args.scene);
+        return Err(Error::input("--output", "a video alone has no sheet of pictures", remedy));
+    }
+    let report = VideoReport::of(path)?;
+    warnings::tell(&report.warnings);
+    match &args.json {
+        Some(path) => write_json(path, &report)?,
+        None => {
+            super::print(&report.text())?;
+            super::print(&format!("{}: no problems, {} warnings", args.scene, report.warnings.len()))?;
+        }
+    }
+    super::forbid_warnings(args.strict && !report.warnings.is_empty(), &args.scene)
+}
+
+/// Writes JSON to a file, or prints it for `-`.
+fn write_json(path: &Path, report: &impl serde::Serialize) -> Result<()> {
+    let json = serde_json::to_string_pretty(report).map_err(|e| Error::Internal(e.to_string()))?;
+    if path == Path::new("-") { super::print(&json) } else { write_bytes(path, json.as_bytes()) }
 }
 
 fn examine(args: &Args) -> Result<Examined> {

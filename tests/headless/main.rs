@@ -44,6 +44,8 @@ mod tracer;
 mod truth;
 mod truth_cli;
 mod unseen;
+mod video_in;
+mod video_out;
 mod view;
 
 /// SPIR-V of `tests/glsl/*.comp`.
