@@ -10,7 +10,7 @@ use std::{
 };
 
 /// A frame so far ahead is sought, and nearer ones are read up to.
-const NEAR: usize = 24;
+const NEAR: usize = 60;
 
 /// Reads frames as raw codes, best in order.
 pub struct Decoder {

@@ -17,6 +17,7 @@ use crate::{
     },
 };
 use glam::Vec3;
+use rayon::prelude::*;
 use std::{path::PathBuf, sync::Arc};
 
 /// One equirectangular frame. Row 0 is towards +Y.
@@ -407,14 +408,17 @@ fn no_layer(layer: Option<&str>, subject: &str) -> Result<()> {
     }
 }
 
-/// Makes a frame from what was read. `number` is that of a file or of a video's frame.
+/// Makes a frame from what was read. `number` is that of a file or of a video's frame, and
+/// `is_first` says that it is the first one of the panorama.
 pub(super) fn make_frame(
     spec: &PanoramaSpec,
     number: u32,
+    is_first: bool,
     color: Picture,
     depth: Option<Picture>,
 ) -> Result<PanoramaFrame> {
     let subject = color.subject().to_owned();
+    let of_video = matches!(color, Picture::Video { .. });
     let mut warnings = Vec::new();
     let (color, packed) = color.color(spec)?;
     let mut taken = [color.taken.as_ref().map(|taken| taken.note("color")), None];
@@ -456,6 +460,8 @@ pub(super) fn make_frame(
     if let (Some(level), DepthSource::Files(_) | DepthSource::Packed) = (&level, &spec.depth) {
         depth = level.depth(depth_size, &depth);
     }
+    // All frames of a video are of one kind, so the first one tells.
+    let tells = is_first || !of_video;
     let unknown = forget_unknown(&mut color, depth_size, &mut depth);
     if unknown > 0 {
         let share = 100.0 * unknown as f64 / color.texels.len() as f64;
@@ -466,7 +472,7 @@ pub(super) fn make_frame(
         let problem = "every depth is a hole; the panorama is treated as infinitely far";
         warnings.push(format!("{depth_subject}: {problem} (check encoding, scale, offset and invalid)"));
     }
-    if matches!(spec.depth, DepthSource::Files(_) | DepthSource::Packed) {
+    if tells && matches!(spec.depth, DepthSource::Files(_) | DepthSource::Packed) {
         warnings.extend(unit_warning(&depth, rule).map(|warning| format!("{depth_subject}: {warning}")));
     }
     Ok(PanoramaFrame { color_size: size, radiance: color.texels, depth_size, depth, quantisation, warnings, taken })
@@ -538,24 +544,28 @@ fn finish_color(
 ) -> Result<ColorImage> {
     check_aspect(color.size, subject, warnings);
     tell(&color.notes, color.taken.as_ref(), "color", subject, warnings);
-    let known = |texel: &&mut [f32; 4]| texel[3] > 0.0;
-    let values = color.texels.iter().flat_map(|texel| &texel[..3]).filter(|value| value.is_finite());
     // Half precision overflows to infinity, so that is what was brightest.
-    let brightest = values.fold(f32::from(half::f16::MAX), |a, b| a.max(*b));
-    let (mut overflowed, mut negative) = (0_usize, 0_usize);
-    for texel in color.texels.iter_mut().filter(known) {
+    let finite = |texel: &[f32; 4]| texel[..3].iter().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
+    let brightest = color.texels.par_iter().map(finite).reduce(|| f32::from(half::f16::MAX), f32::max);
+    let (ldr, texels) = (color.ldr, &mut color.texels);
+    let mended = |texel: &mut [f32; 4]| -> [usize; 3] {
+        if texel[3] <= 0.0 {
+            return [0; 3];
+        }
         let rgb = [texel[0], texel[1], texel[2]];
-        overflowed += usize::from(rgb.contains(&f32::INFINITY));
-        negative += usize::from(rgb.iter().any(|value| *value < 0.0));
+        let (overflowed, negative) = (rgb.contains(&f32::INFINITY), rgb.iter().any(|value| *value < 0.0));
         let mut radiance = Vec3::from(rgb.map(|value| if value == f32::INFINITY { brightest } else { value.max(0.0) }));
-        if color.ldr {
+        if ldr {
             radiance = tone::expand(radiance, spec.inverse_tonemap);
         }
         // The product must stay finite, too.
         let [r, g, b] = (radiance * spec.exposure).min(Vec3::splat(f32::MAX)).to_array();
         *texel = [r, g, b, 1.0];
-    }
-    if color.texels.iter().all(|texel| texel[3] == 0.0) {
+        [1, usize::from(overflowed), usize::from(negative)]
+    };
+    let sum = |a: [usize; 3], b: [usize; 3]| std::array::from_fn(|i| a[i] + b[i]);
+    let [known, overflowed, negative] = texels.par_iter_mut().map(mended).reduce(|| [0; 3], sum);
+    if known == 0 {
         return Err(Error::input(subject, "holds no finite pixel", "write the image again"));
     }
     if negative > 0 {

@@ -272,7 +272,7 @@ impl Reader {
         };
         let color_picture = picture(&plan.color, pick.color, &color)?;
         let depth_picture = plan.depth.as_ref().map(|track| picture(track, pick.depth, &depth)).transpose()?;
-        let frame = Arc::new(make_frame(&plan.spec, pick.color, color_picture, depth_picture)?);
+        let frame = Arc::new(make_frame(&plan.spec, pick.color, index == 0, color_picture, depth_picture)?);
         self.last = Some(Made { pick, codes: [color, depth], frame: Arc::clone(&frame) });
         Ok(frame)
     }
