@@ -15,7 +15,11 @@ use crate::{
     scene::Scene,
     settings::Method,
 };
-use std::path::{Path, PathBuf};
+use indicatif::ProgressStyle;
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::Ordering,
+};
 
 /// Arguments of `iprt render`.
 #[derive(Clone, Debug, clap::Args)]
@@ -69,14 +73,24 @@ pub fn run(args: &Args) -> Result<()> {
     if !(exposure.is_finite() && exposure > 0.0) {
         return Err(Error::input("--exposure", format!("{exposure}"), "give a positive number"));
     }
-    let pattern = Pattern::parse(&args.output)?;
-    let sequence = pattern.is_sequence() || !matches!(target, Target::Files(_));
-    let last = u32::try_from(scene.panorama.frame_count().max(1) - 1).unwrap_or(u32::MAX);
+    let sequence = match target {
+        Target::Files(_) => Pattern::parse(&args.output)?.is_sequence(),
+        Target::Video | Target::Stream => true,
+    };
+    let count = match target {
+        Target::Files(_) => scene.panorama.frame_count(),
+        // A video is as long as what moves in it.
+        _ => scene.panorama.frame_count().max((scene.duration() * scene.panorama.fps - 0.5).max(0.0) as usize),
+    };
+    let last = u32::try_from(count.max(1) - 1).unwrap_or(MOST_FRAMES - 1);
     let [first, last] = match &args.frames {
         Some(text) => parse_frames(text)?,
         None if sequence => [0, last],
         None => [0, 0],
     };
+    if last - first >= MOST_FRAMES {
+        return Err(Error::input("--frames", format!("has more than {MOST_FRAMES} frames"), "give a shorter range"));
+    }
     if first != last && !sequence {
         let problem = "one file for several frames".to_owned();
         return Err(Error::input(args.output.display(), problem, "use a pattern, for example out_%04d.png"));
@@ -125,33 +139,37 @@ pub fn run(args: &Args) -> Result<()> {
     let warmup = if goes_on { warmup.max(AGAIN).min(STANDARD_WARMUP + begin) } else { warmup };
     let count = u64::from(warmup) + u64::from((last + 1).saturating_sub(begin)) * u64::from(spp);
     let bar = progress(args.picture.quiet, count, "rendering");
-    let render = |renderer: &mut Renderer, frame: u32, count: u32| {
-        let times = std::iter::repeat_n(scene.panorama.frame_time(frame as usize), count as usize);
+    if let (Target::Video, Ok(style)) =
+        (target, ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {per_sec} {eta}"))
+    {
+        bar.set_style(style);
+    }
+    let stop = (target == Target::Video).then(interrupted);
+    let start = |frame: u32| scene.panorama.frame_time(frame as usize);
+    let render = |renderer: &mut Renderer, times: &mut dyn Iterator<Item = f64>| {
         renderer.render_all(&scene, times, &Wishes::default(), |_| {
             bar.inc(1);
-            Ok(())
+            match stop {
+                Some(stop) if stop.load(Ordering::Relaxed) => Err(stopped()),
+                _ => Ok(()),
+            }
         })
     };
-    // The frames before, and frame 0 held where there are none.
     if begin > 0 && !converge {
         renderer.count_from((STANDARD_WARMUP + begin).wrapping_sub(warmup));
     }
-    let stop = (target == Target::Video).then(interrupted);
-    let stopped = || stop.is_some_and(|stop| stop.load(std::sync::atomic::Ordering::Relaxed));
-    if begin <= last {
-        for before in (1..=warmup).rev().take_while(|_| !stopped()) {
-            render(&mut renderer, begin.saturating_sub(before), 1)?;
-        }
-    }
+    // The frames before, and frame 0 held where there are none.
+    let before = |count: u32| (1..=count).rev().map(|before| start(begin.saturating_sub(before)));
+    let mut rendered = if begin > last { Ok(()) } else { render(&mut renderer, &mut before(warmup)) };
     for frame in begin..=last {
-        if stopped() {
-            bar.finish_and_clear();
-            return Err(sink.interrupt(frame));
-        }
         if converge {
             renderer.reset_history("a picture of its own");
         }
-        render(&mut renderer, frame, spp)?;
+        rendered = rendered.and_then(|()| render(&mut renderer, &mut std::iter::repeat_n(start(frame), spp as usize)));
+        if let Err(error) = rendered {
+            bar.finish_and_clear();
+            return Err(if matches!(error, Error::Interrupted { .. }) { sink.interrupt(frame) } else { error });
+        }
         match sink.write(&renderer, &scene, frame)? {
             Some(line) if !args.picture.quiet && !line.is_empty() => bar.suspend(|| super::print(&line))?,
             Some(_) => {}
@@ -171,6 +189,9 @@ pub fn run(args: &Args) -> Result<()> {
     args.picture.device.close(gpu)?;
     super::forbid_warnings(args.strict, &scene.name)
 }
+
+/// The longest run: a day and more.
+const MOST_FRAMES: u32 = 10_000_000;
 
 /// Frames that are run before the first one, unless the user says how many.
 const STANDARD_WARMUP: u32 = 15;
@@ -192,6 +213,11 @@ impl Warmup {
             number => number.parse().map(Self::Frames).map_err(|_| "give a number of frames, or auto".to_owned()),
         }
     }
+}
+
+/// What a run returns that Ctrl-C stops.
+fn stopped() -> Error {
+    Error::Interrupted { subject: "render".into(), at: "while rendering".into(), remedy: "run it again".into() }
 }
 
 /// Stands for all that the pictures depend on.

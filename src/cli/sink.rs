@@ -55,7 +55,10 @@ impl Target {
         let target = match Container::of(path) {
             _ if path == Path::new("-") => Self::Stream,
             Some(_) => Self::Video,
-            None => Self::Files(FileKind::of(path)?),
+            None => Self::Files(FileKind::of(path).map_err(|_| {
+                let problem = "is neither .png nor .exr, nor a video";
+                Error::input(path.display(), problem, "give one of these extensions, or .mp4, .mov, .webm or .mkv")
+            })?),
         };
         let flags = [
             ("--codec", video.codec.is_some(), target == Self::Video),

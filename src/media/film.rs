@@ -233,7 +233,7 @@ impl Film {
             command.args(["-tag:v", "hvc1"]);
         }
         if let Some((_, codec, _)) = &extras.audio {
-            command.args(["-map", "1:a"]);
+            command.args(["-map", "1:a:0"]);
             match container {
                 _ if container.holds_audio(codec) => command.args(["-c:a", "copy"]),
                 Container::Webm => command.args(["-c:a", "libopus", "-b:a", "160k"]),
@@ -253,6 +253,9 @@ impl Drop for Film {
     fn drop(&mut self) {
         // What was rendered is kept for the next run.
         let _ = self.stop();
+        if parts(&self.folder).is_ok_and(|parts| parts.is_empty()) {
+            let _ = clear(&self.folder);
+        }
     }
 }
 
