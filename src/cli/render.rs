@@ -123,13 +123,13 @@ pub fn run(args: &Args) -> Result<()> {
     let plan = Plan::of(&scene, &options, Some(frames))?;
     let mut renderer = Renderer::with_plan(&gpu, &scene, options, plan)?;
     check_aovs(&renderer, &args.aov)?;
-    if !args.picture.quiet {
-        super::say(&renderer.plan().summary());
-    }
     let job =
         if target == Target::Video { job(&scene, &renderer, exposure, spp, warmup, last)? } else { String::new() };
     let asked = Asked { video: &args.video, frames: [first, last], exposure, aovs: &args.aov, alpha: args.alpha, job };
     let mut sink = Sink::open(target, &args.output, &asked, &scene, &renderer)?;
+    if !args.picture.quiet {
+        super::say(&renderer.plan().summary());
+    }
     let begin = sink.next(first);
     if begin > first && !args.picture.quiet {
         super::say(&format!("{}: goes on at frame {begin}", args.output.display()));

@@ -91,6 +91,7 @@ impl VideoInfo {
     /// # Errors
     /// Fails if the file ends early, or if it cannot be decoded.
     pub fn verify(&self) -> Result<Option<String>> {
+        self.demand_all()?;
         let subject = self.path.display().to_string();
         let mut command = tool::command("ffmpeg");
         command.arg("-i").arg(tool::local(&self.path)).args(["-map", &format!("0:{}", self.stream)]);

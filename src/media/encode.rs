@@ -183,6 +183,16 @@ impl Encoding {
         })
     }
 
+    /// The kind of file of a part: one that keeps what the codec itself does not say, and exact times if it can.
+    pub fn part_extension(&self) -> &'static str {
+        match self.codec {
+            Codec::H264 | Codec::Hevc | Codec::Av1 => "nut",
+            Codec::Vp9 => "mp4",
+            Codec::Prores => "mov",
+            Codec::Ffv1 => "mkv",
+        }
+    }
+
     /// The flags that choose and steer the encoder.
     fn flags(&self) -> Vec<String> {
         let tags = &self.packer.tags;
@@ -214,7 +224,7 @@ impl Encoding {
                 }
                 x265.extend(self.mastering.iter().map(|display| format!("master-display={display}")));
                 x265.extend(self.content_light.iter().map(|light| format!("max-cll={light}")));
-                add(&["-preset", "medium", "-tag:v", "hvc1", "-x265-params", &x265.join(":")]);
+                add(&["-preset", "medium", "-x265-params", &x265.join(":")]);
             }
             Codec::Av1 => add(&["-preset", "8", "-crf", &crf]),
             Codec::Vp9 if is_lossless => add(&["-lossless", "1", "-row-mt", "1", "-cpu-used", "4"]),
@@ -251,7 +261,11 @@ impl Encoding {
         command.args(["-f", "rawvideo", "-pix_fmt", self.packer.format.name(), "-s", &format!("{width}x{height}")]);
         command.args(["-color_range", if self.packer.tags.full_range { "pc" } else { "tv" }]);
         command.args(["-r", &format!("{rate}/{of}"), "-i", "pipe:0"]).args(self.flags());
-        command.args(["-f", "nut"]).arg(tool::local(path));
+        let muxer = match self.part_extension() {
+            "mkv" => "matroska",
+            other => other,
+        };
+        command.args(["-f", muxer]).arg(tool::local(path));
         let subject = path.display().to_string();
         let mut child = tool::start(&mut command, &subject)?;
         let said = Some(tool::listen(child.stderr.take()));

@@ -197,9 +197,10 @@ impl Film {
             return self.mux(Source::List(list), to, container, extras, seconds);
         };
         let bare = self.folder.join("bare.mp4");
+        let full_range = self.encoding.packer.tags.full_range;
         if container.has_boxes() {
             self.mux(Source::List(list), &bare, container, extras, seconds)?;
-            return spherical::mark(&bare, to, views);
+            return spherical::mark(&bare, to, views, full_range);
         }
         // What the boxes say is carried over into Matroska's own words.
         let silent = Extras::default();
@@ -210,7 +211,7 @@ impl Film {
         };
         self.mux(Source::List(list), &bare, with_boxes, &silent, seconds)?;
         let marked = self.folder.join("marked.mp4");
-        spherical::mark(&bare, &marked, views)?;
+        spherical::mark(&bare, &marked, views, full_range)?;
         self.mux(Source::File(&marked), to, container, extras, seconds)
     }
 
@@ -235,6 +236,13 @@ impl Film {
         if let Some((_, codec, _)) = &extras.audio {
             command.args(["-map", "1:a:0"]);
             match container {
+                // Matroska knows no time before 0, and would move the picture instead.
+                _ if container.holds_audio(codec)
+                    && !container.has_boxes()
+                    && tool::version().is_none_or(|v| v >= [5, 0]) =>
+                {
+                    command.args(["-c:a", "copy", "-bsf:a", "noise=drop=lt(pts\\,0)"])
+                }
                 _ if container.holds_audio(codec) => command.args(["-c:a", "copy"]),
                 Container::Webm => command.args(["-c:a", "libopus", "-b:a", "160k"]),
                 _ => command.args(["-c:a", "aac", "-b:a", "192k"]),
@@ -275,7 +283,7 @@ struct Writer {
 impl Writer {
     fn run(mut self, shots: &Receiver<Shot>) -> Result<()> {
         let mut part: Option<(Encoder, u32, u32)> = None;
-        let unfinished = self.folder.join("unfinished.nut");
+        let unfinished = self.folder.join(format!("unfinished.{}", self.encoding.part_extension()));
         for shot in shots {
             let bytes = self.encoding.frame(&shot, &self.look);
             let (mut encoder, first, shown) = match part.take() {
@@ -299,7 +307,7 @@ impl Writer {
 
     fn close(&self, encoder: Encoder, first: u32, shown: u32, unfinished: &Path) -> Result<()> {
         encoder.finish()?;
-        let name = self.folder.join(format!("part-{first:07}-{:07}.nut", self.next - 1));
+        let name = self.folder.join(format!("part-{first:07}-{:07}.{}", self.next - 1, self.encoding.part_extension()));
         write_bytes(&name.with_extension("count"), shown.to_string().as_bytes())?;
         fs::rename(unfinished, &name).map_err(|error| {
             Error::input(name.display(), format!("cannot be written: {}", error.kind()), "free some space")
@@ -321,7 +329,8 @@ fn parts(folder: &Path) -> Result<Vec<(u32, u32, PathBuf)>> {
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let Some(range) = name.strip_prefix("part-").and_then(|name| name.strip_suffix(".nut")) else { continue };
+        let stem = name.rsplit_once('.').filter(|(_, extension)| *extension != "count").map(|(stem, _)| stem);
+        let Some(range) = stem.and_then(|stem| stem.strip_prefix("part-")) else { continue };
         let numbers = range.split_once('-').and_then(|(from, to)| Some((from.parse().ok()?, to.parse().ok()?)));
         if let Some((from, to)) = numbers {
             found.push((from, to, path));
@@ -336,8 +345,8 @@ fn clear(folder: &Path) -> Result<()> {
     let Ok(entries) = fs::read_dir(folder) else { return Ok(()) };
     for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let own = ["job", "list", "unfinished.nut", "bare.mp4", "marked.mp4"].contains(&name.as_str());
-        if own || name.starts_with("part-") {
+        let own = ["job", "list", "bare.mp4", "marked.mp4"].contains(&name.as_str());
+        if own || name.starts_with("part-") || name.starts_with("unfinished.") {
             let _ = fs::remove_file(&path);
         }
     }

@@ -31,6 +31,8 @@ pub struct VideoInfo {
     pub rate: [u32; 2],
     /// When each frame is shown, in seconds from the first.
     pub times: Vec<f64>,
+    /// How many frames there should be, if the file says so or ends too early.
+    pub lacks: Option<Lack>,
     /// When the first frame is shown, seconds from the start of the file.
     pub start: f64,
     /// Whether times are not equally far apart.
@@ -40,6 +42,13 @@ pub struct VideoInfo {
     /// Mastering display and content light level of HDR10, in x265's words.
     pub mastering: Option<String>,
     pub content_light: Option<String>,
+}
+
+/// A file that is cut off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lack {
+    /// The number of frames that its header promises, where it does.
+    pub promised: Option<usize>,
 }
 
 #[derive(Deserialize)]
@@ -70,6 +79,7 @@ struct ProbedStream {
     chroma_location: Option<String>,
     r_frame_rate: Option<String>,
     avg_frame_rate: Option<String>,
+    nb_frames: Option<String>,
     #[serde(default)]
     disposition: std::collections::HashMap<String, i64>,
     #[serde(default)]
@@ -102,6 +112,9 @@ impl VideoInfo {
         let probed: Probed = serde_json::from_slice(&text)
             .map_err(|error| Error::input(&subject, format!("ffprobe's answer is odd: {error}"), broken))?;
         let is = |stream: &&ProbedStream, kind: &str| stream.codec_type.as_deref() == Some(kind);
+        if probed.streams.is_empty() {
+            return Err(Error::input(&subject, "holds no stream that can be read", broken));
+        }
         let picture = |stream: &&ProbedStream| {
             is(stream, "video") && stream.disposition.get("attached_pic").copied().unwrap_or(0) == 0
         };
@@ -128,7 +141,10 @@ impl VideoInfo {
         let format = Format::of(&stored);
         let mut assumed = Vec::new();
         let tags = tags(stream, format, size, &subject, &mut assumed)?;
-        let stamps = time_stamps(path, stream.index, &subject)?;
+        let (stamps, packets, is_cut) = time_stamps(path, stream.index, &subject)?;
+        let promised = stream.nb_frames.as_deref().and_then(|count| count.parse::<usize>().ok());
+        let promised = promised.filter(|promised| *promised > packets);
+        let lacks = (is_cut || promised.is_some()).then_some(Lack { promised });
         if stamps.is_empty() {
             return Err(Error::input(&subject, "its video holds no frame", broken));
         }
@@ -151,6 +167,7 @@ impl VideoInfo {
             assumed,
             rate,
             times,
+            lacks,
             start: start.map_or(0.0, |start| start - file_start),
             varies,
             audio: probed.streams.iter().find(|stream| is(stream, "audio")).and_then(|s| s.codec_name.clone()),
@@ -167,6 +184,19 @@ impl VideoInfo {
     /// Frames a second.
     pub fn fps(&self) -> f64 {
         f64::from(self.rate[0]) / f64::from(self.rate[1])
+    }
+
+    /// Says that the file is cut off, if more frames than it holds are needed.
+    ///
+    /// # Errors
+    /// Fails if it is.
+    pub fn demand_all(&self) -> Result<()> {
+        let Some(Lack { promised }) = self.lacks else { return Ok(()) };
+        let count = self.frame_count();
+        let of = promised.map_or_else(String::new, |promised| format!(" of its {promised} frames"));
+        let problem = format!("is cut off: it holds only {count}{of}");
+        let remedy = format!("copy it again, or write frames = [0, {}]", count.saturating_sub(1));
+        Err(Error::input(self.path.display(), problem, remedy))
     }
 
     /// How long it plays, seconds.
@@ -205,13 +235,16 @@ fn rotation(stream: &ProbedStream) -> i32 {
     stated.or_else(tagged).filter(|angle| angle.is_finite()).map_or(0, |angle| angle.round() as i32 % 360)
 }
 
-/// When each frame is shown, in order; `None` where it is not said.
-fn time_stamps(path: &Path, stream: u32, subject: &str) -> Result<Vec<Option<f64>>> {
+/// When each frame is shown, in order; `None` where it is not said. Also how many packets there are, and whether the file
+/// ends before its time.
+fn time_stamps(path: &Path, stream: u32, subject: &str) -> Result<(Vec<Option<f64>>, usize, bool)> {
     let mut ask = tool::command("ffprobe");
     ask.args(["-select_streams", &stream.to_string(), "-show_entries", "packet=pts_time,flags", "-of", "csv=p=0"]);
     let remedy = "the file is damaged or cut off: copy it again";
-    let text = tool::output(ask.arg(tool::local(path)), subject, "its frames cannot be counted", remedy)?;
+    let (text, said) = tool::both(ask.arg(tool::local(path)), subject, "its frames cannot be counted", remedy)?;
+    let is_cut = ["partial file", "ended prematurely", "truncated"].iter().any(|words| said.contains(words));
     let text = String::from_utf8_lossy(&text);
+    let packets = text.lines().filter(|line| line.contains(',')).count();
     let shown = text.lines().filter_map(|line| {
         let mut fields = line.split(',');
         let (time, flags) = (fields.next()?, fields.next().unwrap_or(""));
@@ -222,7 +255,7 @@ fn time_stamps(path: &Path, stream: u32, subject: &str) -> Result<Vec<Option<f64
     if stamps.iter().all(Option::is_some) {
         stamps.sort_by(|a, b| a.unwrap_or(0.0).total_cmp(&b.unwrap_or(0.0)));
     }
-    Ok(stamps)
+    Ok((stamps, packets, is_cut))
 }
 
 /// Times from the first frame, the first frame's own, and the rate.

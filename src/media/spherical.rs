@@ -22,11 +22,12 @@ const UUID_V1: [u8; 16] =
 /// Fields of a visual sample entry before its boxes.
 const VISUAL_ENTRY: usize = 78;
 
-/// Copies a file of equirectangular video, and says in the copy what it is.
+/// Copies a file of equirectangular video, and says in the copy what it is. Where only QuickTime's colour box is there,
+/// the range of the codes goes into it.
 ///
 /// # Errors
 /// Fails if the file is no MP4 or MOV with a video track, or if it cannot be read or written.
-pub fn mark(from: &Path, to: &Path, views: Views) -> Result<()> {
+pub fn mark(from: &Path, to: &Path, views: Views, full_range: bool) -> Result<()> {
     let fail = |error: io::Error| {
         Error::input(to.display(), format!("cannot be written: {}", error.kind()), "free some space")
     };
@@ -60,7 +61,7 @@ pub fn mark(from: &Path, to: &Path, views: Views) -> Result<()> {
     let mut old = vec![0; size as usize];
     input.seek(SeekFrom::Start(start)).map_err(fail)?;
     input.read_exact(&mut old).map_err(fail)?;
-    let mut new = with_metadata(&old, views).ok_or_else(odd)?;
+    let mut new = with_metadata(&old, views, full_range).ok_or_else(odd)?;
     let grown = (new.len() - old.len()) as u64;
     if data.is_some_and(|data| data > start) {
         shift_chunks(&mut new, grown).ok_or_else(odd)?;
@@ -98,13 +99,13 @@ fn make(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
     [&size.to_be_bytes()[..], &kind, content].concat()
 }
 
-fn with_metadata(moov: &[u8], views: Views) -> Option<Vec<u8>> {
+fn with_metadata(moov: &[u8], views: Views, full_range: bool) -> Option<Vec<u8>> {
     let mut content = Vec::new();
     for (kind, inner) in boxes(moov.get(8..)?)? {
         let is_video = kind == *b"trak"
             && find(inner, b"mdia").and_then(|mdia| find(mdia, b"hdlr")).is_some_and(|h| h.get(8..12) == Some(b"vide"));
         if is_video {
-            let mut track = rebuilt(inner, views)?;
+            let mut track = rebuilt(inner, views, full_range)?;
             track.extend(make(*b"uuid", &[&UUID_V1[..], rdf(views).as_bytes()].concat()));
             content.extend(make(kind, &track));
         } else {
@@ -119,18 +120,24 @@ fn find<'a>(bytes: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
 }
 
 /// The boxes of a video track, with metadata in its sample entries.
-fn rebuilt(bytes: &[u8], views: Views) -> Option<Vec<u8>> {
+fn rebuilt(bytes: &[u8], views: Views, full_range: bool) -> Option<Vec<u8>> {
     let mut out = Vec::new();
     for (kind, content) in boxes(bytes)? {
         let content = match &kind {
-            b"mdia" | b"minf" | b"stbl" => rebuilt(content, views)?,
+            b"mdia" | b"minf" | b"stbl" => rebuilt(content, views, full_range)?,
             b"stsd" => {
                 let mut stsd = content.get(..8)?.to_vec();
                 for (kind, entry) in boxes(&content[8..])? {
                     let mut entry_out = entry.get(..VISUAL_ENTRY)?.to_vec();
                     let known = boxes(&entry[VISUAL_ENTRY..])?;
                     let others = known.iter().filter(|(kind, _)| kind != b"st3d" && kind != b"sv3d");
-                    others.for_each(|(kind, content)| entry_out.extend(make(*kind, content)));
+                    others.for_each(|(kind, content)| match content.strip_prefix(b"nclc") {
+                        Some(colors) if kind == b"colr" => {
+                            let range = [if full_range { 0x80 } else { 0 }];
+                            entry_out.extend(make(*kind, &[b"nclx", colors, &range].concat()));
+                        }
+                        _ => entry_out.extend(make(*kind, content)),
+                    });
                     entry_out.extend(version_2(views));
                     stsd.extend(make(kind, &entry_out));
                 }

@@ -52,12 +52,21 @@ pub fn start(command: &mut Command, subject: &str) -> Result<Child> {
 /// # Errors
 /// Fails as [`start`] does, and with the program's own last words if it fails.
 pub fn output(command: &mut Command, subject: &str, problem: &str, remedy: &str) -> Result<Vec<u8>> {
+    both(command, subject, problem, remedy).map(|(printed, _)| printed)
+}
+
+/// The same, with what it said on stderr.
+///
+/// # Errors
+/// Fails as [`output`] does.
+pub fn both(command: &mut Command, subject: &str, problem: &str, remedy: &str) -> Result<(Vec<u8>, String)> {
     let output = start(command, subject)?.wait_with_output();
     let output = output.map_err(|error| Error::input(subject, format!("{problem}: {}", error.kind()), remedy))?;
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
     if output.status.success() {
-        return Ok(output.stdout);
+        return Ok((output.stdout, said));
     }
-    let words = last_words(&String::from_utf8_lossy(&output.stderr), subject);
+    let words = last_words(&said, subject);
     Err(Error::input(subject, format!("{problem}{words}"), remedy))
 }
 

@@ -117,6 +117,13 @@ impl Plan {
                 warnings.push(format!("{}: has more frames than the colour; the rest is left out", path.display()));
             }
         }
+        if spec.frames.is_none() {
+            [Some(&color), depth.as_ref()]
+                .into_iter()
+                .flatten()
+                .filter_map(Track::video)
+                .try_for_each(|info| info.demand_all())?;
+        }
         let number = |files: &Files, index: usize| match files {
             Files::One => 0,
             Files::Numbers(numbers) => numbers.get(index).copied().unwrap_or(0),

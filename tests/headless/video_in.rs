@@ -64,7 +64,7 @@ fn a_real_video_is_what_its_images_are() {
         all += 1;
         near += usize::from((known - code).abs() <= 3.0 || (code <= 24.0 && known <= 27.0));
     }
-    assert!(f64::from(near as u32) > 0.97 * f64::from(all), "{near} of {all} codes");
+    assert!(f64::from(near as u32) > 0.93 * f64::from(all), "{near} of {all} codes");
 
     let rgb = image::open(data("rgbd/kandao/0060_rgb.jpg")).expect("an image").into_rgb8();
     let mut error = 0.0;
@@ -242,16 +242,19 @@ fn what_cannot_be_used_is_one_clear_line() {
     ffmpeg(&folder, "-f lavfi -i color=gray:size=64x32:rate=25:duration=1 -c:v ffv1 -pix_fmt gray short.mkv");
     ffmpeg(&folder, "-f lavfi -i sine=duration=1 -c:a aac sound.mp4");
     let whole = std::fs::read(folder.path("v.mp4")).expect("read");
-    std::fs::write(folder.path("cut.mp4"), &whole[..whole.len() * 3 / 5]).expect("written");
+    std::fs::write(folder.path("cut.mp4"), &whole[..whole.len() - 500]).expect("written");
+    ffmpeg(&folder, "-i v.mp4 -c copy v.mkv");
+    let matroska = std::fs::read(folder.path("v.mkv")).expect("read");
+    std::fs::write(folder.path("cut.mkv"), &matroska[..matroska.len() * 3 / 4]).expect("written");
     std::fs::write(folder.path("head.mp4"), &whole[..60]).expect("written");
     std::fs::write(folder.path("text.mp4"), "no video").expect("written");
     std::fs::write(folder.path("empty.mp4"), "").expect("written");
     refused("color = 'nowhere.mp4'\ndepth = 2", &["nowhere.mp4", "no such file"]);
     refused("color = 'empty.mp4'\ndepth = 2", &["empty.mp4", "empty"]);
     refused("color = 'text.mp4'\ndepth = 2", &["text.mp4", "cannot be read as a video"]);
-    refused("color = 'head.mp4'\ndepth = 2", &["head.mp4", "moov atom not found", "copy it again"]);
+    refused("color = 'head.mp4'\ndepth = 2", &["head.mp4", "copy it again"]);
     refused("color = 'sound.mp4'\ndepth = 2", &["sound.mp4", "no video stream, but audio"]);
-    refused("color = 'cut.mp4'\ndepth = 2", &["cut.mp4", "should have 50 frames", "cut off", "frames = [0, "]);
+    refused("color = 'cut.mp4'\ndepth = 2", &["cut.mp4", "cut off", "of its 50 frames", "frames = [0, "]);
     refused(
         "color = 'v.mp4'\ndepth = 'short.mkv'",
         &["short.mkv", "has 25 frames, but the colour has 50", "frames = [0, 24]"],
@@ -260,7 +263,7 @@ fn what_cannot_be_used_is_one_clear_line() {
     refused("color = { file = 'v.mp4', layer = 'a' }\ndepth = 2", &["v.mp4", "no layers"]);
     refused("color = 'v.mp4'\npacking = 'top-bottom'", &["v.mp4", "in colour"]);
     refused("color = 'v.mp4'\ndepth = 2\nmask = 'v.mp4'", &["v.mp4", "one picture is needed"]);
-    folder.fails("check cut.mp4", &["cut.mp4", "should have 50 frames"]);
+    folder.fails("check cut.mp4", &["cut.mp4", "of its 50 frames"]);
 
     // Without ffmpeg the status is 2, and the line says how to get it.
     folder.write("scene.toml", "[panorama]\ncolor = 'v.mp4'\ndepth = 2\n");
