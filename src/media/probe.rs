@@ -120,8 +120,7 @@ impl VideoInfo {
         };
         let Some(stream) = probed.streams.iter().find(picture) else {
             let kinds: Vec<&str> = probed.streams.iter().filter_map(|s| s.codec_type.as_deref()).collect();
-            let problem =
-                format!("has no video stream, but {}", if kinds.is_empty() { "none".into() } else { kinds.join(", ") });
+            let problem = format!("has no video stream, but {}", kinds.join(", "));
             return Err(Error::input(&subject, problem, "give a file with a picture"));
         };
         let (Some(width), Some(height), Some(stored)) = (stream.width, stream.height, stream.pix_fmt.clone()) else {
