@@ -72,6 +72,9 @@ impl Target {
                 "leave it out, or write a video",
             ));
         }
+        if target == Self::Video && path.is_dir() {
+            return Err(Error::input(path.display(), "is a folder", "give a file name"));
+        }
         if target != Self::Stream {
             require_folder(path)?;
         }

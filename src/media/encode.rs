@@ -188,8 +188,7 @@ impl Encoding {
         match self.codec {
             Codec::H264 | Codec::Hevc | Codec::Av1 => "nut",
             Codec::Vp9 => "mp4",
-            Codec::Prores => "mov",
-            Codec::Ffv1 => "mkv",
+            Codec::Prores | Codec::Ffv1 => "mov",
         }
     }
 
@@ -231,7 +230,12 @@ impl Encoding {
             Codec::Vp9 => add(&["-b:v", "0", "-crf", &crf, "-row-mt", "1", "-cpu-used", "4"]),
             Codec::Prores => {
                 let profile = if self.packer.format.sub[0] == 0 { "4" } else { "3" };
-                add(&["-profile:v", profile, "-vendor", "apl0"]);
+                // It takes colours from frames alone.
+                let colors = format!(
+                    "setparams=color_primaries={}:color_trc={}:colorspace={}:range={range}",
+                    tags.primaries, tags.transfer, tags.matrix
+                );
+                add(&["-vf", &colors, "-profile:v", profile, "-vendor", "apl0"]);
             }
             Codec::Ffv1 => add(&["-level", "3", "-g", "1", "-slicecrc", "1"]),
         }
@@ -249,11 +253,11 @@ impl Encoding {
         flags
     }
 
-    /// Starts an encoder that writes this file.
+    /// Starts an encoder that writes this file. `subject` names the video in errors.
     ///
     /// # Errors
     /// Fails if `ffmpeg` is not installed.
-    pub fn start(&self, path: &Path) -> Result<Encoder> {
+    pub fn start(&self, path: &Path, subject: &str) -> Result<Encoder> {
         let mut command = tool::command("ffmpeg");
         let [width, height] = self.packer.size;
         let [rate, of] = self.rate;
@@ -261,12 +265,8 @@ impl Encoding {
         command.args(["-f", "rawvideo", "-pix_fmt", self.packer.format.name(), "-s", &format!("{width}x{height}")]);
         command.args(["-color_range", if self.packer.tags.full_range { "pc" } else { "tv" }]);
         command.args(["-r", &format!("{rate}/{of}"), "-i", "pipe:0"]).args(self.flags());
-        let muxer = match self.part_extension() {
-            "mkv" => "matroska",
-            other => other,
-        };
-        command.args(["-f", muxer]).arg(tool::local(path));
-        let subject = path.display().to_string();
+        command.args(["-f", self.part_extension()]).arg(tool::local(path));
+        let subject = subject.to_owned();
         let mut child = tool::start(&mut command, &subject)?;
         let said = Some(tool::listen(child.stderr.take()));
         let Some(input) = child.stdin.take() else { return Err(Error::Internal("a child without a pipe".into())) };

@@ -2,7 +2,7 @@
 //! beside the video, which has its name only when it is whole.
 
 use super::{
-    encode::{Container, Encoder, Encoding},
+    encode::{Codec, Container, Encoder, Encoding},
     planes::{Part, Planes},
     probe::VideoInfo,
     spherical::{self, Views},
@@ -118,7 +118,8 @@ impl Film {
         let encoding = Arc::new(encoding);
         // One picture waits while the one before is encoded.
         let (sender, shots) = sync_channel(1);
-        let writer = Writer { encoding: Arc::clone(&encoding), look, folder: folder.clone(), next };
+        let subject = path.display().to_string();
+        let writer = Writer { encoding: Arc::clone(&encoding), look, folder: folder.clone(), next, subject };
         let thread = Some(std::thread::spawn(move || writer.run(&shots)));
         Ok(Self { path: path.to_owned(), folder, encoding, next, sender: Some(sender), thread })
     }
@@ -193,9 +194,11 @@ impl Film {
 
     fn join(&self, list: &Path, to: &Path, extras: &Extras, seconds: f64) -> Result<()> {
         let container = self.encoding.container;
-        let Some(views) = extras.spherical else {
+        let views = extras.spherical;
+        // QuickTime's parts of FFV1 do not say their range; the marks do.
+        if views.is_none() && self.encoding.codec != Codec::Ffv1 {
             return self.mux(Source::List(list), to, container, extras, seconds);
-        };
+        }
         let bare = self.folder.join("bare.mp4");
         let full_range = self.encoding.packer.tags.full_range;
         if container.has_boxes() {
@@ -204,11 +207,8 @@ impl Film {
         }
         // What the boxes say is carried over into Matroska's own words.
         let silent = Extras::default();
-        let with_boxes = if matches!(self.encoding.codec, super::encode::Codec::Prores | super::encode::Codec::Ffv1) {
-            Container::Mov
-        } else {
-            Container::Mp4
-        };
+        let with_boxes =
+            if matches!(self.encoding.codec, Codec::Prores | Codec::Ffv1) { Container::Mov } else { Container::Mp4 };
         self.mux(Source::List(list), &bare, with_boxes, &silent, seconds)?;
         let marked = self.folder.join("marked.mp4");
         spherical::mark(&bare, &marked, views, full_range)?;
@@ -230,7 +230,7 @@ impl Film {
             command.args(["-t", &format!("{seconds:.6}"), "-i"]).arg(tool::local(file));
         }
         command.args(["-map", "0:v:0", "-c:v", "copy"]);
-        if matches!(self.encoding.codec, super::encode::Codec::Hevc) && container.has_boxes() {
+        if matches!(self.encoding.codec, Codec::Hevc) && container.has_boxes() {
             command.args(["-tag:v", "hvc1"]);
         }
         if let Some((_, codec, _)) = &extras.audio {
@@ -278,6 +278,8 @@ struct Writer {
     look: Look,
     folder: PathBuf,
     next: u32,
+    /// The video, for errors.
+    subject: String,
 }
 
 impl Writer {
@@ -288,7 +290,7 @@ impl Writer {
             let bytes = self.encoding.frame(&shot, &self.look);
             let (mut encoder, first, shown) = match part.take() {
                 Some(part) => part,
-                None => (self.encoding.start(&unfinished)?, self.next, 0),
+                None => (self.encoding.start(&unfinished, &self.subject)?, self.next, 0),
             };
             encoder.write(&bytes, shot.times)?;
             self.next += 1;

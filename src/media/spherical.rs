@@ -22,12 +22,12 @@ const UUID_V1: [u8; 16] =
 /// Fields of a visual sample entry before its boxes.
 const VISUAL_ENTRY: usize = 78;
 
-/// Copies a file of equirectangular video, and says in the copy what it is. Where only QuickTime's colour box is there,
+/// Copies a file, and says in the copy what kind of 360° video it is, if it is one. Where only QuickTime's colour box is there,
 /// the range of the codes goes into it.
 ///
 /// # Errors
 /// Fails if the file is no MP4 or MOV with a video track, or if it cannot be read or written.
-pub fn mark(from: &Path, to: &Path, views: Views, full_range: bool) -> Result<()> {
+pub fn mark(from: &Path, to: &Path, views: Option<Views>, full_range: bool) -> Result<()> {
     let fail = |error: io::Error| {
         Error::input(to.display(), format!("cannot be written: {}", error.kind()), "free some space")
     };
@@ -99,14 +99,16 @@ fn make(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
     [&size.to_be_bytes()[..], &kind, content].concat()
 }
 
-fn with_metadata(moov: &[u8], views: Views, full_range: bool) -> Option<Vec<u8>> {
+fn with_metadata(moov: &[u8], views: Option<Views>, full_range: bool) -> Option<Vec<u8>> {
     let mut content = Vec::new();
     for (kind, inner) in boxes(moov.get(8..)?)? {
         let is_video = kind == *b"trak"
             && find(inner, b"mdia").and_then(|mdia| find(mdia, b"hdlr")).is_some_and(|h| h.get(8..12) == Some(b"vide"));
         if is_video {
             let mut track = rebuilt(inner, views, full_range)?;
-            track.extend(make(*b"uuid", &[&UUID_V1[..], rdf(views).as_bytes()].concat()));
+            track.extend(
+                views.into_iter().flat_map(|views| make(*b"uuid", &[&UUID_V1[..], rdf(views).as_bytes()].concat())),
+            );
             content.extend(make(kind, &track));
         } else {
             content.extend(make(kind, inner));
@@ -120,7 +122,7 @@ fn find<'a>(bytes: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
 }
 
 /// The boxes of a video track, with metadata in its sample entries.
-fn rebuilt(bytes: &[u8], views: Views, full_range: bool) -> Option<Vec<u8>> {
+fn rebuilt(bytes: &[u8], views: Option<Views>, full_range: bool) -> Option<Vec<u8>> {
     let mut out = Vec::new();
     for (kind, content) in boxes(bytes)? {
         let content = match &kind {
@@ -138,7 +140,7 @@ fn rebuilt(bytes: &[u8], views: Views, full_range: bool) -> Option<Vec<u8>> {
                         }
                         _ => entry_out.extend(make(*kind, content)),
                     });
-                    entry_out.extend(version_2(views));
+                    entry_out.extend(views.into_iter().flat_map(version_2));
                     stsd.extend(make(kind, &entry_out));
                 }
                 stsd
