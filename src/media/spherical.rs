@@ -136,7 +136,7 @@ fn rebuilt(bytes: &[u8], views: Option<Views>, full_range: bool) -> Option<Vec<u
                     others.for_each(|(kind, content)| match content.strip_prefix(b"nclc") {
                         Some(colors) if kind == b"colr" => {
                             let range = [if full_range { 0x80 } else { 0 }];
-                            entry_out.extend(make(*kind, &[b"nclx", colors, &range].concat()));
+                            entry_out.extend(make(*kind, &[&b"nclx"[..], colors, &range].concat()));
                         }
                         _ => entry_out.extend(make(*kind, content)),
                     });
