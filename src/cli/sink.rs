@@ -86,7 +86,7 @@ impl Target {
 pub enum Sink {
     Files { pattern: Pattern, kind: FileKind, aovs: Vec<String>, alpha: bool, exposure: f32 },
     Film { film: Box<Film>, path: PathBuf, extras: Extras, timing: Timing },
-    Stream { stream: RawStream, look: Look, timing: Timing },
+    Stream { stream: Box<RawStream>, look: Look, timing: Timing },
 }
 
 /// How often each frame is shown where the rate is constant.
@@ -143,7 +143,7 @@ impl Sink {
         let wanted = Wanted { codec: asked.video.codec, crf: asked.video.crf, pix_fmt: asked.video.pix_fmt.clone() };
         let source = panorama.video();
         if target == Target::Stream {
-            let stream = RawStream::open(wanted.pix_fmt.as_deref(), size, rate, source)?;
+            let stream = Box::new(RawStream::open(wanted.pix_fmt.as_deref(), size, rate, source)?);
             return Ok(Self::Stream { stream, look, timing });
         }
         let encoding = Encoding::of(&wanted, path, size, rate, source)?;
