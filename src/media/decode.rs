@@ -105,8 +105,8 @@ impl VideoInfo {
         }
         tool::end(&mut child);
         let words = tool::last_words(&said.join().unwrap_or_default(), &subject);
-        let counts = progress.lines().filter_map(|line| line.strip_prefix("frame=")?.trim().parse::<usize>().ok());
-        let decoded = counts.last().unwrap_or(0);
+        let mut counts = progress.lines().filter_map(|line| line.strip_prefix("frame=")?.trim().parse::<usize>().ok());
+        let decoded = counts.next_back().unwrap_or(0);
         if decoded < self.frame_count() {
             return Err(ended(self, decoded, &words));
         }
