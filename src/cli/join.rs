@@ -1,7 +1,9 @@
 //! `iprt join` checks that all frames of a render are there and of one kind, and encodes them.
 
 use super::{
-    common::{interrupted, open_scene, parse_frames, progress},
+    common::{open_scene, parse_frames},
+    progress::progress,
+    signals,
     sink::{Timing, VideoArgs, look_of, sound},
 };
 use crate::{
@@ -19,7 +21,7 @@ use crate::{
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
-    sync::{Arc, atomic::Ordering},
+    sync::Arc,
 };
 
 /// Arguments of `iprt join`.
@@ -86,9 +88,9 @@ pub fn run(args: &Args) -> Result<()> {
     let mut film = Film::begin(&args.output, encoding, look, &job, [first, last])?;
     let begin = film.next();
     let bar = progress(args.quiet, u64::from(last + 1 - begin), "encoding");
-    let stop = interrupted();
+    signals::interrupted();
     for number in begin..=last {
-        if stop.load(Ordering::Relaxed) {
+        if signals::stopped() {
             film.stop()?;
             let (at, remedy) = (format!("before frame {number}"), "run the same command to go on".to_owned());
             return Err(Error::Interrupted { subject: args.output.display().to_string(), at, remedy });
@@ -101,7 +103,10 @@ pub fn run(args: &Args) -> Result<()> {
     let audio = scene.as_ref().filter(|_| !args.video.no_audio).and_then(|scene| sound(scene, first));
     film.finish(&Extras { audio, spherical: args.spherical.then_some(Views::One) })?;
     bar.finish_and_clear();
-    if args.quiet { Ok(()) } else { super::print(&args.output.display().to_string()) }
+    if !args.quiet {
+        super::print(&args.output.display().to_string());
+    }
+    Ok(())
 }
 
 fn scene(name: &str, quiet: bool) -> Result<Scene> {

@@ -1,7 +1,9 @@
 //! `iprt render` renders pictures to files.
 
 use super::{
-    common::{PictureArgs, interrupted, parse_frames, progress},
+    common::{PictureArgs, parse_frames},
+    progress::progress,
+    signals,
     sink::{Asked, Sink, Target, VideoArgs},
     target::TargetArgs,
 };
@@ -14,12 +16,10 @@ use crate::{
     renderer::{Renderer, Wishes},
     scene::Scene,
     settings::Method,
+    temporary::Temporary,
 };
 use indicatif::ProgressStyle;
-use std::{
-    path::{Path, PathBuf},
-    sync::atomic::Ordering,
-};
+use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt render`.
 #[derive(Clone, Debug, clap::Args)]
@@ -144,15 +144,14 @@ pub fn run(args: &Args) -> Result<()> {
     {
         bar.set_style(style);
     }
-    let stop = (target == Target::Video).then(interrupted);
+    if sequence && target != Target::Stream {
+        signals::interrupted(); // what is written is kept
+    }
     let start = |frame: u32| scene.panorama.frame_time(frame as usize);
     let render = |renderer: &mut Renderer, times: &mut dyn Iterator<Item = f64>| {
         renderer.render_all(&scene, times, &Wishes::default(), |_| {
             bar.inc(1);
-            match stop {
-                Some(stop) if stop.load(Ordering::Relaxed) => Err(stopped()),
-                _ => Ok(()),
-            }
+            if signals::stopped() { Err(interrupted(args, [first, begin, last])) } else { Ok(()) }
         })
     };
     if begin > 0 && !converge {
@@ -168,10 +167,14 @@ pub fn run(args: &Args) -> Result<()> {
         rendered = rendered.and_then(|()| render(&mut renderer, &mut std::iter::repeat_n(start(frame), spp as usize)));
         if let Err(error) = rendered {
             bar.finish_and_clear();
-            return Err(if matches!(error, Error::Interrupted { .. }) { sink.interrupt(frame) } else { error });
+            return Err(match (error, target) {
+                (Error::Interrupted { .. }, Target::Files(_)) => interrupted(args, [first, frame, last]),
+                (Error::Interrupted { .. }, _) => sink.interrupt(frame),
+                (error, _) => error,
+            });
         }
         match sink.write(&renderer, &scene, frame)? {
-            Some(line) if !args.picture.quiet && !line.is_empty() => bar.suspend(|| super::print(&line))?,
+            Some(line) if !args.picture.quiet && !line.is_empty() => bar.suspend(|| super::print(&line)),
             Some(_) => {}
             None => break,
         }
@@ -179,15 +182,24 @@ pub fn run(args: &Args) -> Result<()> {
     let line = sink.finish()?;
     bar.finish_and_clear();
     if let Some(line) = line.filter(|_| !args.picture.quiet) {
-        super::print(&line)?;
+        super::print(&line);
     }
     if let Some(frames) = args.timings {
         let report = time(&mut renderer, &scene, last, frames)?;
-        super::print(report.table().trim_end())?;
+        super::print_lines(report.table().trim_end());
     }
     drop(renderer);
     args.picture.device.close(gpu)?;
     super::forbid_warnings(args.strict, &scene.name)
+}
+
+/// Says which frames are there, and how to go on.
+fn interrupted(args: &Args, [first, frame, last]: [u32; 3]) -> Error {
+    Error::Interrupted {
+        subject: args.output.display().to_string(),
+        at: format!("after {} of {} pictures", frame - first, last - first + 1),
+        remedy: format!("they are kept; give --frames {frame}..{last} to go on"),
+    }
 }
 
 /// The longest run: a day and more.
@@ -213,11 +225,6 @@ impl Warmup {
             number => number.parse().map(Self::Frames).map_err(|_| "give a number of frames, or auto".to_owned()),
         }
     }
-}
-
-/// What a run returns that Ctrl-C stops.
-fn stopped() -> Error {
-    Error::Interrupted { subject: "render".into(), at: "while rendering".into(), remedy: "run it again".into() }
 }
 
 /// Stands for all that the pictures depend on.
@@ -252,8 +259,7 @@ pub fn check_aovs(renderer: &Renderer, aovs: &[String]) -> Result<()> {
 /// Fails if the folder of an output does not exist or cannot be written. It is called before rendering, too.
 pub fn require_folder(path: &Path) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let probe = tempfile::Builder::new().prefix(".iprt-").tempfile_in(folder);
-    probe.map(drop).map_err(|e| {
+    Temporary::new(folder).map(drop).map_err(|e| {
         Error::input(
             path.display(),
             format!("cannot be written: {}", e.kind()),

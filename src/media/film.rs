@@ -11,6 +11,7 @@ use super::{
 use crate::{
     Error, Result,
     image_file::write::{make_folder, write_bytes},
+    temporary::Temporary,
 };
 use glam::Vec3;
 use rayon::prelude::*;
@@ -179,16 +180,12 @@ impl Film {
         let list_file = self.folder.join("list");
         write_bytes(&list_file, list.as_bytes())?;
         let parent = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".iprt-");
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666)); // As for any new file, the umask applies.
         let unwritable = |error: &std::io::Error| {
             Error::input(self.path.display(), format!("cannot be written: {}", error.kind()), "give a writable folder")
         };
-        let whole = builder.tempfile_in(parent).map_err(|error| unwritable(&error))?;
+        let whole = Temporary::new(parent).map_err(|error| unwritable(&error))?;
         self.join(&list_file, whole.path(), extras, seconds)?;
-        whole.persist(&self.path).map_err(|error| unwritable(&error.error))?;
+        whole.keep(&self.path).map_err(|error| unwritable(&error))?;
         clear(&self.folder)
     }
 

@@ -5,8 +5,10 @@
 //! The tests of one file: `cargo nextest run renderer::` or `cargo test --test headless renderer::`.
 
 mod adding;
+mod agreement;
 mod bounces;
 mod bvh;
+mod caches;
 mod cases;
 mod chart;
 mod cli;
@@ -15,9 +17,11 @@ mod compare;
 mod converged;
 mod devices;
 mod docs;
+mod fault_cases;
 #[cfg(feature = "faults")]
 mod faults;
 mod folder;
+mod fuzz;
 mod gltf;
 mod gpu;
 mod identities;
@@ -40,6 +44,7 @@ mod shapes;
 mod stability;
 mod stored;
 mod target;
+mod terminal;
 mod tracer;
 mod truth;
 mod truth_cli;
@@ -48,6 +53,7 @@ mod video_docs;
 mod video_in;
 mod video_out;
 mod view;
+mod vulkan_faults;
 
 /// SPIR-V of `tests/glsl/*.comp`.
 mod shaders {
