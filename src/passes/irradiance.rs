@@ -40,6 +40,7 @@ impl Irradiance {
             Role::Relight => VirtualTracer::Bvh,
         };
         let roulette = plan.roulette();
+        let emitters = plan.constant(Part::Emitters);
         let kernel = |layer: &u32| {
             let constants = [
                 ("LAYER", *layer),
@@ -50,15 +51,16 @@ impl Irradiance {
                 ("RELIGHTING", settings.relighting as u32),
                 plan.constant(Part::LightTable),
                 plan.constant(Part::VirtualSurfaces),
-                plan.constant(Part::Specular),
                 plan.constant(Part::Emission),
-                plan.constant(Part::Textures),
+                emitters,
                 plan.constant(Part::Bounces),
             ];
+            let constants = [&constants[..], &plan.materials()].concat();
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)
         };
         let aim = || {
-            let constants = [plan.constant(Part::RealTracer), plan.constant(Part::LightTable), role.projection(plan)];
+            let constants =
+                [plan.constant(Part::RealTracer), plan.constant(Part::LightTable), emitters, role.projection(plan)];
             Kernel::new::<IrradiancePush>(gpu, "aim", shaders::AIM, &constants)
         };
         Ok(Self {
