@@ -11,7 +11,7 @@ use crate::{
     gpu::{Gpu, GpuOptions},
     image_file::read,
     media::{
-        encode::{Encoding, Wanted},
+        encode::{Container, Encoding, Wanted},
         film::{Extras, Film, Look, Shot},
         spherical::Views,
     },
@@ -56,6 +56,10 @@ pub struct Args {
 
 /// Checks and encodes.
 pub fn run(args: &Args) -> Result<()> {
+    if Container::of(&args.output).is_none() {
+        let remedy = "write .mp4, .mov, .webm or .mkv";
+        return Err(Error::input(args.output.display(), "is no video's name", remedy));
+    }
     super::render::require_folder(&args.output)?;
     let (pattern, numbers) = find(&args.frames_in)?;
     let range = args.frames.as_deref().map(parse_frames).transpose()?;

@@ -153,7 +153,11 @@ impl VideoInfo {
         let step = f64::from(rate[1]) / f64::from(rate[0]);
         let varies = times.iter().enumerate().any(|(i, time)| (time - i as f64 * step).abs() > 0.6 * step);
         let file_start: f64 = probed.format.start_time.as_deref().and_then(|t| t.parse().ok()).unwrap_or(0.0);
-        let [mastering, content_light] = mastering(stream);
+        let mut of_hdr10 = mastering(&stream.side_data_list);
+        if tags.transfer == "smpte2084" && of_hdr10[0].is_none() {
+            of_hdr10 = mastering(&first_frame_data(path, stream.index, &subject)?);
+        }
+        let [mastering, content_light] = of_hdr10;
         Ok(Self {
             path: path.to_owned(),
             stream: stream.index,
@@ -352,11 +356,38 @@ fn tags(
         .map_err(|problem| Error::input(subject, problem, "convert it with ffmpeg to bt709, PQ or HLG"))
 }
 
+/// What the first frame says beside its picture.
+fn first_frame_data(path: &Path, stream: u32, subject: &str) -> Result<Vec<serde_json::Value>> {
+    #[derive(Deserialize)]
+    struct Frames {
+        #[serde(default)]
+        frames: Vec<ProbedFrame>,
+    }
+    #[derive(Deserialize)]
+    struct ProbedFrame {
+        #[serde(default)]
+        side_data_list: Vec<serde_json::Value>,
+    }
+    let mut ask = tool::command("ffprobe");
+    ask.args([
+        "-select_streams",
+        &stream.to_string(),
+        "-read_intervals",
+        "%+#1",
+        "-show_frames",
+        "-print_format",
+        "json",
+    ]);
+    let remedy = "the file is damaged or cut off: copy it again";
+    let text = tool::output(ask.arg(tool::local(path)), subject, "its first frame cannot be read", remedy)?;
+    let frames = serde_json::from_slice::<Frames>(&text).map_or(Vec::new(), |frames| frames.frames);
+    Ok(frames.into_iter().next().map_or(Vec::new(), |frame| frame.side_data_list))
+}
+
 /// HDR10's mastering display and content light level.
-fn mastering(stream: &ProbedStream) -> [Option<String>; 2] {
-    let of = |kind: &str| {
-        stream.side_data_list.iter().find(|data| data.get("side_data_type").and_then(|t| t.as_str()) == Some(kind))
-    };
+fn mastering(side_data: &[serde_json::Value]) -> [Option<String>; 2] {
+    let of =
+        |kind: &str| side_data.iter().find(|data| data.get("side_data_type").and_then(|t| t.as_str()) == Some(kind));
     let display = of("Mastering display metadata").and_then(|data| {
         let value = |name: &str, unit: f64| {
             let [a, b] = fraction_of(data.get(name)?)?;

@@ -176,7 +176,7 @@ fn a_stream_goes_to_whoever_reads_it() {
     assert_eq!(codes(&folder, "-i a.y4m"), codes(&folder, "-i packed.mp4 -vf crop=64:32:0:0 -frames:v 3"));
     assert_eq!(run(&format!("render scene.toml -o - --pix-fmt rgb24 {flags}")).len(), 3 * 64 * 32 * 3);
     assert_eq!(run(&format!("render scene.toml -o - --pix-fmt yuv420p10 {flags}")).len(), 3 * 64 * 32 * 3);
-    folder.fails("render scene.toml -o - --pix-fmt purple", &["--pix-fmt", "purple"]);
+    folder.fails("render scene.toml -q -o - --pix-fmt purple", &["--pix-fmt", "purple"]);
 
     // Who reads one frame and leaves is not told off.
     let mut child = folder
@@ -248,7 +248,7 @@ fn what_does_not_fit_is_told_before_anything_is_rendered() {
         ("-o a.mp4 --aov all", &["--aov", "exr"]),
         ("-o a.mp4 --codec av1 --pix-fmt gbrp", &["libsvtav1"]),
     ] {
-        folder.fails(&format!("render scene.toml --warmup 0 --frames 0..0 {arguments}"), words);
+        folder.fails(&format!("render scene.toml -q --warmup 0 --frames 0..0 {arguments}"), words);
     }
     assert!(!folder.path("a.mp4").exists());
 }
