@@ -32,8 +32,11 @@ const uint SCREEN = 1u;    // value of VIRTUAL_TRACER
 // Returns what a ray meets of the real scene. Direction-only light is infinitely far.
 PanoramaHit real_trace(vec3 origin, vec3 d) {
     if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
-    if (REAL_TRACER == MARCH) return panorama_march(origin, d, push.march_steps);
-    return panorama_trace(origin, d, 0.0, FAR);
+    PanoramaHit hit;
+    if (REAL_TRACER == MARCH) hit = panorama_march(origin, d, push.march_steps);
+    else hit = panorama_trace(origin, d, 0.0, FAR);
+    lamps_meet(origin, d, hit);
+    return hit;
 }
 
 // Returns the virtual surface that a ray meets before t_max.
@@ -42,7 +45,20 @@ SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
     return scene_trace(origin, d, t_max);
 }
 
-vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv); }
+// Returns the radiance of what a ray met, as captured. No skirt shines: what it shows of the side of a lamp or a
+// window is a guess, of which no light may be made.
+vec3 hit_radiance(PanoramaHit hit) {
+    vec3 radiance = panorama_bilinear(hit.uv);
+    if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction(hit.uv), radiance);
+    if (hit.kind == SKIRT) radiance *= min(1.0, in_view.view.skirt_luminance / max(luminance(radiance), 1e-20));
+    return is_lamp(hit) ? lamp_radiance(hit) : radiance;
+}
+
+// Returns the same as the mixed scene lights it. A lamp shines as it did.
+vec3 hit_relit(PanoramaHit hit) {
+    vec3 radiance = hit_radiance(hit);
+    return is_lamp(hit) ? radiance : relit(hit.uv, radiance);
+}
 
 // A ray drawn from a lobe and the panorama's lights together. One of the two strategies is drawn, and the
 // weight f·cos/p is that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real` is
@@ -53,8 +69,31 @@ struct Ray {
     PanoramaHit real;
 };
 
-// Aims at a light. Returns false if the direction drawn is behind the surface.
-bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, out vec3 target, out bool far) {
+// Aims at a light: at a free lamp by what it sends here, or at one of the table. Returns false if the direction
+// drawn is behind the surface. `kind` is the lamp's as a hit, 0 for the table's lights.
+bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, out vec3 target, out bool far, out uint kind) {
+    kind = 0u;
+    if (FREE_LAMPS != 0u) {
+        float lamps = lamps_weight(x, normal), share = lamps / max(lamps + in_lights.total, 1e-30), left = u.x * (lamps + in_lights.total);
+        if (u.x < share) {
+            uint k = 0u;
+            // Rounding may leave a little over, which the last lamp that shines here gets.
+            for (uint i = 0u; i < lamp_count(); i++) {
+                float weight = lamp_weight(i, x, normal);
+                if (weight > 0.0 && left >= 0.0) {
+                    k = i;
+                    u.x = min(left / weight, 0.9999999);
+                }
+                left -= weight;
+            }
+            kind = LAMP + k;
+            d = lamp_sample(k, x, u);
+            target = in_lamps.lamp[k].center;
+            far = false;
+            return dot(d, normal) > 0.0;
+        }
+        u.x = min((u.x - share) / max(1.0 - share, 1e-7), 0.9999999);
+    }
     vec3 centre = light_sample(u, random_next2(random));
     ivec2 texel;
     float distance = surface_distance(centre, texel);
@@ -65,10 +104,20 @@ bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, 
 }
 
 // A drawn light counts only if the ray meets it first.
-bool meets(PanoramaHit hit, vec3 x, vec3 d, vec3 target, bool far) {
+bool meets(PanoramaHit hit, vec3 x, vec3 d, vec3 target, bool far, uint kind) {
+    if (FREE_LAMPS != 0u && kind != 0u) return hit.kind == kind;
     if (far) return hit.kind == FREE;
     vec3 miss = x + d * hit.t - target;
     return hit.kind == SURFACE && dot(miss, miss) < 1e-4 * dot(target, target);
+}
+
+// Returns the density of toward_light per solid angle about x, for what a ray from there met.
+float lights_density(vec3 x, vec3 normal, vec3 d, PanoramaHit hit) {
+    if (FREE_LAMPS == 0u) return light_density(x, d, hit);
+    float all = max(lamps_weight(x, normal) + in_lights.total, 1e-30);
+    if (!is_lamp(hit)) return in_lights.total / all * light_density(x, d, hit);
+    uint k = min(hit.kind - LAMP, MOST_LAMPS - 1u);
+    return lamp_weight(k, x, normal) / all * lamp_density(k, x, d);
 }
 
 // A direction that was drawn, and from what.
@@ -78,6 +127,7 @@ struct Aim {
     bool light;    // drawn from the lights
     bool far;      // that light is infinitely far
     vec3 target;   // where that light is
+    uint kind;     // of a free lamp as a hit, or 0
     bool mirror;
     vec3 mirror_weight;
 };
@@ -98,9 +148,10 @@ Aim aim(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, vec
     aim.mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
     aim.light = numbers.z < light_share(aim.mirror);
     aim.far = false;
+    aim.kind = 0u;
     aim.target = aim.mirror_weight = vec3(0.0);
     aim.possible = true;
-    if (aim.light) aim.possible = toward_light(x, normal, numbers.xy, random, aim.d, aim.target, aim.far);
+    if (aim.light) aim.possible = toward_light(x, normal, numbers.xy, random, aim.d, aim.target, aim.far, aim.kind);
     else {
         vec2 u = numbers.xy;
         if (specular) {
@@ -117,12 +168,12 @@ Ray trace(Aim aim, vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 
     if (!aim.possible) return ray;
     ray.real = real_trace(x, ray.d);
     if (aim.mirror) { ray.weight = aim.mirror_weight; return ray; }
-    if (aim.light && !meets(ray.real, x, ray.d, aim.target, aim.far)) return ray;
+    if (aim.light && !meets(ray.real, x, ray.d, aim.target, aim.far, aim.kind)) return ray;
     float density, share = light_share(aim.mirror);
     vec3 f;
     if (specular) f = brdf_specular(s, l, to_eye, ray.d, density);
     else { density = max(dot(ray.d, normal), 0.0) / PI; f = vec3(density); }
-    float p = (1.0 - share) * density + (share > 0.0 ? share * light_density(x, ray.d, ray.real) : 0.0);
+    float p = (1.0 - share) * density + (share > 0.0 ? share * lights_density(x, normal, ray.d, ray.real) : 0.0);
     if (p > 0.0) ray.weight = f / p;
     return ray;
 }
@@ -150,7 +201,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, inout Random random) {
         hit.instance = NONE;
         if (INTERREFLECTION != 0u && bounce < in_view.view.bounces) hit = virtual_trace(origin, ray.d, ray.real.t, random);
     }
-    return sum + throughput * relit(ray.real.uv, hit_radiance(ray.real));
+    return sum + throughput * hit_relit(ray.real);
 }
 
 // --- a real surface ---

@@ -2,6 +2,7 @@
 pub mod cloud;
 pub mod depth;
 pub mod guess;
+pub mod lamps;
 pub mod level;
 pub mod light;
 pub mod mapping;

@@ -49,6 +49,7 @@ impl Irradiance {
                 ("VIRTUAL_TRACER", virtual_tracer as u32),
                 ("RELIGHTING", settings.relighting as u32),
                 plan.constant(Part::LightTable),
+                plan.constant(Part::FreeLamps),
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Emission),
@@ -58,7 +59,12 @@ impl Irradiance {
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)
         };
         let aim = || {
-            let constants = [plan.constant(Part::RealTracer), plan.constant(Part::LightTable), role.projection(plan)];
+            let constants = [
+                plan.constant(Part::RealTracer),
+                plan.constant(Part::LightTable),
+                plan.constant(Part::FreeLamps),
+                role.projection(plan),
+            ];
             Kernel::new::<IrradiancePush>(gpu, "aim", shaders::AIM, &constants)
         };
         Ok(Self {

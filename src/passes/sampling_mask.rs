@@ -67,7 +67,7 @@ impl SamplingMask {
             pixels.extend([kernel(layer, false)?, kernel(layer, true)?]);
         }
         let turns_after = turns.then_some(settings.short_history);
-        let constants = [plan.constant(Part::LightTable), plan.constant(Part::Motion)];
+        let constants = [plan.constant(Part::LightTable), plan.constant(Part::FreeLamps), plan.constant(Part::Motion)];
         let tiles = Kernel::new::<TilesPush>(gpu, "tiles", shaders::TILES, &constants)?;
         Ok(Self { tiles, pixels, turns_after })
     }

@@ -5,6 +5,7 @@ use crate::{
     Result,
     options::RenderOptions,
     panorama::{
+        lamps,
         light::{light_share, mean_luminance},
         mapping::texel_direction,
         source::PanoramaFrame,
@@ -55,6 +56,8 @@ pub struct Facts {
     pub has_depth: bool,
     /// The share of the panorama's light that is above its mean. `None` if the panorama changes.
     pub light_share: Option<f64>,
+    /// How many small lamps hang free in the panorama. `None` if the panorama changes.
+    pub free_lamps: Option<usize>,
     /// How many rows of the panorama a pixel spans at the camera's widest angle.
     pub footprint: f32,
     /// Where the camera is over the whole time.
@@ -105,6 +108,7 @@ impl Facts {
             frames,
             has_depth: !still || first.depth.iter().any(|depth| *depth > 0.0),
             light_share: still.then(|| light_share(&first)),
+            free_lamps: still.then(|| lamps::find(&first).lamps.len()),
             footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
             camera: camera_place(scene),
             instances,

@@ -18,6 +18,7 @@ mod docs;
 #[cfg(feature = "faults")]
 mod faults;
 mod folder;
+mod free_lamps;
 mod gltf;
 mod gpu;
 mod identities;

@@ -20,6 +20,7 @@ struct View {
     float yaw;
     float edge_ratio;
     float thickness;
+    float skirt_luminance;   // of a skirt at most
     uint pyramid_levels;
     uvec2 pyramid_size;
     uint pyramid_area;
