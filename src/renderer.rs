@@ -1,6 +1,6 @@
 //! Records a frame, from top to bottom.
 
-mod aov;
+pub mod aov;
 pub mod cost;
 mod interactive;
 
@@ -541,6 +541,7 @@ impl Renderer {
             seed: self.seed().wrapping_add(stream.wrapping_mul(0x9e37_79b9)),
             edge_ratio: settings.edge_ratio,
             thickness: settings.thickness,
+            edge_depth: u32::from(settings.edge_depth),
             skirt_luminance: settings.skirt_luminance * self.plan.facts.luminance,
             instance_count: state.instances.instances.len() as u32,
             mover_count: state.movers.len() as u32,

@@ -48,7 +48,7 @@ SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
 // Returns the radiance of what a ray met, as captured. No skirt shines: what it shows of the side of a lamp or a
 // window is a guess, of which no light may be made.
 vec3 hit_radiance(PanoramaHit hit) {
-    vec3 radiance = panorama_bilinear(hit.uv);
+    vec3 radiance = panorama_light(hit.uv);
     if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction(hit.uv), radiance);
     if (hit.kind == SKIRT) radiance *= min(1.0, in_view.view.skirt_luminance / max(luminance(radiance), 1e-20));
     return is_lamp(hit) ? lamp_radiance(hit) : radiance;
@@ -132,7 +132,13 @@ struct Aim {
     vec3 mirror_weight;
 };
 
-float light_share(bool mirror) { return mirror || DIRECTIONS == BRDF ? 0.0 : in_lights.share; }
+// Returns the share of rays that are drawn from the lights. Few of those fall into a narrow lobe, which finds what
+// shines in it by itself.
+float light_share(bool mirror, bool specular, Surface s) {
+    const float NARROW = 0.1; // the alpha of a lobe for which half of the share is left
+    float alpha = specular ? s.roughness * s.roughness : 1.0, part = specular && DIRECTIONS != LIGHT ? alpha / (alpha + NARROW) : 1.0;
+    return mirror || DIRECTIONS == BRDF ? 0.0 : in_lights.share * part;
+}
 
 // Three numbers of a path's first ray: over the frames a pixel's additive sequence, which begins anywhere. Its steps
 // were searched for so that 4 to 64 points in a row, and 4 to 64 points of every fourth frame, are spread evenly.
@@ -146,7 +152,7 @@ vec3 first_numbers(ivec2 p, uint layer) {
 Aim aim(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, vec3 numbers, inout Random random) {
     Aim aim;
     aim.mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
-    aim.light = numbers.z < light_share(aim.mirror);
+    aim.light = numbers.z < light_share(aim.mirror, specular, s);
     aim.far = false;
     aim.kind = 0u;
     aim.target = aim.mirror_weight = vec3(0.0);
@@ -169,7 +175,7 @@ Ray trace(Aim aim, vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 
     ray.real = real_trace(x, ray.d);
     if (aim.mirror) { ray.weight = aim.mirror_weight; return ray; }
     if (aim.light && !meets(ray.real, x, ray.d, aim.target, aim.far, aim.kind)) return ray;
-    float density, share = light_share(aim.mirror);
+    float density, share = light_share(aim.mirror, specular, s);
     vec3 f;
     if (specular) f = brdf_specular(s, l, to_eye, ray.d, density);
     else { density = max(dot(ray.d, normal), 0.0) / PI; f = vec3(density); }

@@ -142,7 +142,7 @@ impl Ellipse {
 }
 
 fn luminance(texel: &[f32; 4]) -> f32 {
-    0.2126 * texel[0] + 0.7152 * texel[1] + 0.0722 * texel[2]
+    texel[3] * (0.2126 * texel[0] + 0.7152 * texel[1] + 0.0722 * texel[2])
 }
 
 fn solid_angle(row: u32, [width, height]: [u32; 2]) -> f64 {
@@ -330,8 +330,8 @@ impl<'a> Scan<'a> {
             if distances.is_empty() { f64::INFINITY } else { distances.len() as f64 / distances.iter().sum::<f64>() };
 
         let radiance = |at: u32| {
-            let [r, g, b, _] = self.frame.radiance[at as usize];
-            DVec3::new(f64::from(r), f64::from(g), f64::from(b))
+            let [r, g, b, factor] = self.frame.radiance[at as usize];
+            f64::from(factor) * DVec3::new(f64::from(r), f64::from(g), f64::from(b))
         };
         let around = behind.iter().map(|at| radiance(*at)).sum::<DVec3>() / behind.len() as f64;
         let of = |c: DVec3| c.dot(DVec3::new(0.2126, 0.7152, 0.0722));

@@ -1,4 +1,5 @@
 //! The 360° RGBD video. Files or memory become linear radiance and metres, on the equirectangular mapping.
+pub mod clipped;
 pub mod cloud;
 pub mod depth;
 pub mod guess;

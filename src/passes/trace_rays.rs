@@ -108,8 +108,12 @@ impl RayTracer {
         let mut upload = gpu.frame()?;
         panorama.upload(&mut upload, frame)?;
         upload.run()?;
-        let mut data =
-            ViewData { edge_ratio: settings.edge_ratio, thickness: settings.thickness, ..ViewData::default() };
+        let mut data = ViewData {
+            edge_ratio: settings.edge_ratio,
+            thickness: settings.thickness,
+            edge_depth: u32::from(settings.edge_depth),
+            ..ViewData::default()
+        };
         panorama.describe(&mut data);
         let mut view = Resources::default();
         view.add("view", Resource::Buffer(gpu.buffer_with("rays view", &[data])?));

@@ -10,6 +10,7 @@ mod bvh;
 mod cases;
 mod chart;
 mod cli;
+mod clipped;
 mod common;
 mod compare;
 mod converged;
