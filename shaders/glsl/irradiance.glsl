@@ -92,6 +92,12 @@ bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, 
             far = false;
             return dot(d, normal) > 0.0;
         }
+        if (in_lights.total <= 0.0) {
+            // Nothing but the lamps is brighter than the mean, and none is over this horizon.
+            d = target = normal;
+            far = true;
+            return false;
+        }
         u.x = min((u.x - share) / max(1.0 - share, 1e-7), 0.9999999);
     }
     vec3 centre = light_sample(u, random_next2(random));

@@ -9,6 +9,7 @@
 
 use super::{
     cloud::Cloud,
+    light::mean_luminance,
     mapping::{coordinates, texel_direction, wrap},
     source::PanoramaFrame,
 };
@@ -27,12 +28,19 @@ const SMALLEST: f32 = 3e-5;
 const FACTORS: [f32; 2] = [1.0, 200.0];
 /// The largest reflectance of a real surface.
 const WHITEST: f32 = 0.9;
+/// What a lamp's log factor adds to the mean shading that is left: glints and small lamps cannot shine for others.
+const FAR: f32 = 0.003;
 /// Differences of log reflectance beyond this are paint, not shading.
 const PAINT: f32 = 0.35;
 /// Rays from a point for the light of what is not clipped.
-const RAYS: usize = 144;
+const RAYS: usize = 256;
 /// Points of a lamp at most.
-const LAMP_POINTS: usize = 48;
+const LAMP_POINTS: usize = 64;
+/// Texels this many times as bright as the mean count as lamps, too, even if they are not clipped: rays would find
+/// them too rarely.
+const BRIGHT: f32 = 3.0;
+/// The points that stand for these at most.
+const BRIGHT_POINTS: usize = 256;
 
 /// Clipped texels side by side.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -123,8 +131,16 @@ pub fn estimate(frame: &PanoramaFrame, white: f32) -> Clipped {
         return Clipped { lamps: Vec::new(), share };
     }
     let cloud = Cloud::of(frame, 0.0);
-    let emitters: Vec<Vec<Emitter>> = groups.iter().map(|group| emitters(frame, &cloud, group)).collect();
-    let receivers = receivers(frame, &cloud, white, &emitters);
+    let mut sets: Vec<Vec<Emitter>> =
+        groups.iter().map(|group| emitters(frame, &cloud, &group.texels, LAMP_POINTS)).collect();
+    // Texels of lamps too small for factors of their own are among the bright ones.
+    let mut own = vec![false; frame.radiance.len()];
+    groups.iter().flat_map(|group| &group.texels).for_each(|at| own[*at as usize] = true);
+    let bright = BRIGHT * mean_luminance(frame);
+    let is_lamp = |at: usize| own[at] || luminance(&frame.radiance[at]) > bright;
+    let others: Vec<u32> = (0..own.len()).filter(|at| !own[*at] && is_lamp(*at)).map(|at| at as u32).collect();
+    sets.push(emitters(frame, &cloud, &others, BRIGHT_POINTS));
+    let receivers = receivers(frame, &cloud, &is_lamp, white, &sets);
     let factors = fit(&receivers, groups.len());
     let lamps = groups.iter().zip(factors).map(|(group, factor)| ClippedLamp {
         direction: group.direction.to_array(),
@@ -190,13 +206,13 @@ fn cell(cloud: &Cloud, direction: Vec3) -> usize {
     row * width + column
 }
 
-fn emitters(frame: &PanoramaFrame, cloud: &Cloud, group: &Group) -> Vec<Emitter> {
+fn emitters(frame: &PanoramaFrame, cloud: &Cloud, texels: &[u32], most: usize) -> Vec<Emitter> {
     let size = frame.color_size;
-    // Evenly over the group: each stands for its neighbours.
-    let step = group.texels.len().div_ceil(LAMP_POINTS);
-    let chosen: Vec<u32> = group.texels.iter().copied().skip(step / 2).step_by(step).collect();
-    let weight = |at: u32| texel_angle(at / size[0], size);
-    let whole: f32 = group.texels.iter().map(|at| weight(*at) * luminance(&frame.radiance[*at as usize])).sum();
+    // Evenly over the texels: each stands for its neighbours.
+    let step = texels.len().div_ceil(most).max(1);
+    let chosen: Vec<u32> = texels.iter().copied().skip(step / 2).step_by(step).collect();
+    let weight = |at: u32| texel_angle(at / size[0], size) * luminance(&frame.radiance[at as usize]);
+    let whole: f32 = texels.iter().map(|at| weight(*at)).sum();
     let sum: f32 = chosen.iter().map(|at| weight(*at)).sum();
     let emitter = |at: &u32| {
         let direction = texel_direction(at % size[0], at / size[0], size).as_vec3();
@@ -249,14 +265,22 @@ fn meets(cloud: &Cloud, from: Vec3, d: Vec3) -> Vec3 {
     d
 }
 
-fn receivers(frame: &PanoramaFrame, cloud: &Cloud, white: f32, emitters: &[Vec<Emitter>]) -> Vec<Receiver> {
+/// Points of real surfaces, and what they get of each set of emitters. The last set's is put with the light of all
+/// that is no lamp.
+fn receivers(
+    frame: &PanoramaFrame,
+    cloud: &Cloud,
+    is_lamp: &(impl Fn(usize) -> bool + Sync),
+    white: f32,
+    emitters: &[Vec<Emitter>],
+) -> Vec<Receiver> {
     let [width, height] = cloud.size;
     let stride = (width / 64).max(1);
-    let color = |direction: Vec3| {
+    let texel = |direction: Vec3| {
         let at = coordinates(direction.as_dvec3());
         let [columns, rows] = frame.color_size.map(|side| side as usize);
         let (x, y) = ((at.x * columns as f64) as usize % columns, ((at.y * rows as f64) as usize).min(rows - 1));
-        frame.radiance[y * columns + x]
+        y * columns + x
     };
     // A cell's mean over its texels, and whether any is clipped.
     let mean = |index: usize| {
@@ -264,11 +288,12 @@ fn receivers(frame: &PanoramaFrame, cloud: &Cloud, white: f32, emitters: &[Vec<E
         let mut sum = Vec3::ZERO;
         for k in 0..16u32 {
             let fine = [4 * width as u32, 4 * height as u32];
-            let texel = color(texel_direction(4 * column as u32 + k % 4, 4 * row as u32 + k / 4, fine).as_vec3());
-            if is_clipped(&texel, white) {
+            let at = texel(texel_direction(4 * column as u32 + k % 4, 4 * row as u32 + k / 4, fine).as_vec3());
+            if is_lamp(at) {
                 return None;
             }
-            sum += vec3(texel[0], texel[1], texel[2]) / 16.0;
+            let [r, g, b, _] = frame.radiance[at];
+            sum += vec3(r, g, b) / 16.0;
         }
         Some(sum)
     };
@@ -306,15 +331,16 @@ fn receivers(frame: &PanoramaFrame, cloud: &Cloud, white: f32, emitters: &[Vec<E
             let (u, v) = ((k as f32 + 0.5) / RAYS as f32, (k as f32 * 0.618_034 + turn).fract());
             let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
             let d = x * (u.sqrt() * cos) + y * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
-            let met = color(meets(cloud, from, d));
-            if !is_clipped(&met, white) {
-                base += luminance(&met);
+            let met = texel(meets(cloud, from, d));
+            if !is_lamp(met) {
+                base += luminance(&frame.radiance[met]);
             }
         }
         let luminance = seen.dot(vec3(0.2126, 0.7152, 0.0722));
         let tint = [seen.x / total, seen.z / total];
-        let base = std::f32::consts::PI * base / RAYS as f32;
-        Some(Receiver { at, normal, luminance, tint, base, lamps: lamps.collect() })
+        let mut lamps: Vec<f32> = lamps.collect();
+        let base = std::f32::consts::PI * base / RAYS as f32 + lamps.pop().unwrap_or(0.0);
+        Some(Receiver { at, normal, luminance, tint, base, lamps })
     };
     places.par_iter().enumerate().filter_map(receiver).collect()
 }
@@ -369,8 +395,8 @@ fn fit(receivers: &[Receiver], groups: usize) -> Vec<f32> {
         let shading =
             pairs.iter().map(|(a, b)| robust(reflectance[*a] - reflectance[*b])).sum::<f32>() / pairs.len() as f32;
         let over = reflectance.iter().map(|r| (r - WHITEST.ln()).clamp(0.0, 1.0)).sum::<f32>() / receivers.len() as f32;
-        let far = factors.iter().map(|s| s.ln()).sum::<f32>() / groups as f32;
-        shading + 0.5 * over + 0.002 * far
+        let far = factors.iter().map(|s| s.ln()).sum::<f32>();
+        shading + 0.5 * over + FAR * far
     };
     let search = |factors: &mut [f32], at: Option<usize>, from: f32, to: f32, steps: i32| {
         let before = factors.to_vec();

@@ -28,6 +28,8 @@ const OF_PEAK: f64 = 0.3;
 const BEHIND: f64 = 0.03;
 /// It lies behind at least this share of what surrounds the lamp. The rest may be what the lamp hangs on.
 const FREE: f64 = 0.7;
+/// A lamp sends at least this share of the panorama's light. Glints do not.
+const WORTH: f64 = 0.002;
 /// The largest solid angle of a lamp, sr: 16 degrees across. Of larger ones the capture shows the shape.
 const LARGEST: f64 = 0.06;
 
@@ -119,6 +121,12 @@ impl Moments {
         let [xx, xy, yy] = self.second;
         (mean, [of(xx, mean.x * mean.x), of(xy, mean.x * mean.y), of(yy, mean.y * mean.y)])
     }
+}
+
+/// The direction of the larger of the two variances of a covariance xx, xy, yy, and both.
+fn principal([xx, xy, yy]: [f64; 3]) -> (f64, [f64; 2]) {
+    let (middle, root) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
+    (0.5 * (2.0 * xy).atan2(xx - yy), [middle + root, middle - root])
 }
 
 /// An ellipse about a direction, in the plane that touches the unit sphere there.
@@ -279,13 +287,12 @@ impl<'a> Scan<'a> {
         // A texel is wide itself.
         let own = self.solid_angle(core[0]) / 12.0;
         let (xx, yy) = (xx + own, yy + own);
-        let (half_sum, root) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
-        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+        let (angle, [long, short]) = principal([xx, xy, yy]);
         let (sin, cos) = angle.sin_cos();
+        let half = dvec2(2.0 * long.sqrt(), 2.0 * short.max(own).sqrt());
         let direction = (direction + x * mean.x + y * mean.y).normalize();
-        let long = (x * cos + y * sin).reject_from(direction).normalize();
-        let half = dvec2(2.0 * (half_sum + root).sqrt(), 2.0 * (half_sum - root).max(own).sqrt());
-        Some((Ellipse { direction, across: [long, direction.cross(long)], half }, texel))
+        let first = (x * cos + y * sin).reject_from(direction).normalize();
+        Some((Ellipse { direction, across: [first, direction.cross(first)], half }, texel))
     }
 
     /// Measures a lamp. Returns its power as well, and nothing if it is none that hangs free.
@@ -294,15 +301,15 @@ impl<'a> Scan<'a> {
         // Light and depth reach a little farther than the texels that are mostly lamp.
         let coarser = f64::from(self.frame.color_size[1].div_ceil(self.frame.depth_size[1]));
         let margin = texel * (1.5 + coarser);
-        let rim = margin + texel * (1.0 + coarser);
+        let outer = margin + texel * (1.0 + coarser);
         let size = self.frame.color_size;
-        let reach = ellipse.half.x + rim;
+        let reach = ellipse.half.x + outer;
         let own = self.seen[core[0] as usize];
         let (mut inside, mut ring) = (Vec::new(), Vec::new());
         for at in texels_near(ellipse.direction, reach, size) {
             let d = self.direction(at);
             let foreign = !matches!(self.seen[at as usize], Seen::No) && self.seen[at as usize] != own;
-            if !ellipse.holds(d, rim) || foreign {
+            if !ellipse.holds(d, outer) || foreign {
                 continue;
             }
             if ellipse.holds(d, margin) { inside.push(at) } else { ring.push(at) }
@@ -321,13 +328,15 @@ impl<'a> Scan<'a> {
         if ring.is_empty() || (behind.len() as f64) < FREE * ring.len() as f64 {
             return None;
         }
-        depths.retain(|depth| *depth < least.min(1.2 * front));
-        if 5 * depths.len() < core.len() {
-            return None;
-        }
         let distances: Vec<f64> = behind.iter().filter_map(known).map(f64::recip).collect();
         let wall =
             if distances.is_empty() { f64::INFINITY } else { distances.len() as f64 / distances.iter().sum::<f64>() };
+        // A ball's rim is as far as its middle. What is farther is what lies behind.
+        let rim = (front * (1.0 + 1.2 * ellipse.half.y)).max(least).min(0.5 * (front + wall).min(4.0 * front));
+        depths.retain(|depth| *depth <= rim);
+        if 5 * depths.len() < core.len() {
+            return None;
+        }
 
         let radiance = |at: u32| {
             let [r, g, b, factor] = self.frame.radiance[at as usize];
@@ -337,14 +346,21 @@ impl<'a> Scan<'a> {
         let of = |c: DVec3| c.dot(DVec3::new(0.2126, 0.7152, 0.0722));
         // What the lamp adds to what surrounds it: by solid angle, in colour and luminance.
         let (mut power, mut squares, mut added) = (0.0, 0.0, DVec3::ZERO);
+        let mut moments = Moments::default();
         for at in &inside {
             let (excess, weight) = (radiance(*at) - around, self.solid_angle(*at));
             let bright = of(excess).max(0.0);
             power += bright * weight;
             squares += bright * bright * weight;
             added += excess * weight;
+            if let Some(place) = ellipse.place(self.direction(*at)) {
+                moments.add(place, bright * weight);
+            }
         }
         let bright = squares / power;
+        if power < WORTH * 4.0 * PI * self.mean {
+            return None;
+        }
         if !(bright > (ABOVE_AROUND - 1.0) * of(around) && bright > ABOVE_MEAN * self.mean && power > 0.0) {
             return None;
         }
@@ -357,7 +373,13 @@ impl<'a> Scan<'a> {
         let sent = around + (added / covered).max(DVec3::ZERO);
         // The half axes of the cone that covers this much, in the ellipse's shape.
         let radius = (1.0 - (1.0 - covered / TAU).powi(2)).sqrt();
-        let shape = (ellipse.half.x / ellipse.half.y).sqrt();
+        let (middle, spread) = moments.spread();
+        let (angle, [long, short]) = principal(spread);
+        // Texels tell little of the shape of a lamp of a few: it is round unless they say that it is not.
+        let box_filter = self.solid_angle(core[0]) / 12.0;
+        let round = long - short < 0.2 * short + 4.0 * box_filter;
+        let short = (short - box_filter).max(0.5 * box_filter);
+        let shape = if round { 1.0 } else { ((long - box_filter) / short).max(1.0).powf(0.25) };
         let half = dvec2(radius * shape, radius / shape);
         let (mean, first) = (depths.iter().sum::<f64>() / depths.len() as f64, depths[0]);
         // Over a ball's disc the depth's mean is 1/3 of its radius behind the nearest point.
@@ -365,10 +387,13 @@ impl<'a> Scan<'a> {
         let distance = distance.min(0.995 * wall);
         let depth = (half.y * distance).min(0.9 * (wall - distance)).min(0.9 * distance);
         let [x, y] = ellipse.across;
+        let direction = (ellipse.direction + x * middle.x + y * middle.y).normalize();
+        let first = (x * angle.cos() + y * angle.sin()).reject_from(direction).normalize();
+        let axes = [first * (half.x * distance), direction.cross(first) * (half.y * distance), direction * depth];
         let margins = ellipse.half + margin;
         let lamp = Lamp {
-            center: (ellipse.direction * distance).as_vec3(),
-            axes: [x * half.x * distance, y * half.y * distance, ellipse.direction * depth].map(|axis| axis.as_vec3()),
+            center: (direction * distance).as_vec3(),
+            axes: axes.map(|axis| axis.as_vec3()),
             radiance: sent.as_vec3(),
             around: around.as_vec3(),
             direction: ellipse.direction.as_vec3(),

@@ -5,8 +5,8 @@ use crate::{
     Error, Result,
     passes::{
         display::{Source, Values},
-        unknown::Unknown,
         resources::Resource,
+        unknown::Unknown,
         view::{REAL, VIRTUAL, is_packed, of_surfaces},
     },
     plan::Part,
@@ -78,7 +78,12 @@ impl Renderer {
         }
         let mut unknown = Unknown::new(&self.gpu, &self.panorama, &self.plan)?;
         let image = unknown.light(&self.gpu, &self.picture.resources, self.options.size, frame)?;
-        Ok(self.gpu.read_image(&image, 0)?.into_iter().map(|[share, ..]: [f32; 4]| [share, share, share, 1.0]).collect())
+        Ok(self
+            .gpu
+            .read_image(&image, 0)?
+            .into_iter()
+            .map(|[share, ..]: [f32; 4]| [share, share, share, 1.0])
+            .collect())
     }
 
     fn knows_unknown_light(&self) -> bool {
