@@ -13,7 +13,10 @@ use super::{
 };
 use glam::{DVec2, DVec3, Vec3, dvec2};
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
+use std::{
+    collections::HashMap,
+    f64::consts::{PI, TAU},
+};
 
 /// The most lamps of a frame, as `MOST_LAMPS` in `lamps.glsl`.
 pub const MOST: usize = 32;
@@ -91,9 +94,9 @@ enum Seen {
 
 struct Scan<'a> {
     frame: &'a PanoramaFrame,
-    luminance: Vec<f32>,
     mean: f64,
-    seen: Vec<Seen>,
+    /// What bright texels and those around them are.
+    seen: HashMap<u32, Seen>,
     lamps: u32,
 }
 
@@ -179,17 +182,22 @@ fn texels_near(direction: DVec3, angle: f64, size: [u32; 2]) -> Vec<u32> {
 
 impl<'a> Scan<'a> {
     fn new(frame: &'a PanoramaFrame) -> Self {
-        let luminance: Vec<f32> = frame.radiance.par_iter().map(luminance).collect();
-        let mean = f64::from(mean_luminance(frame));
-        let seen = vec![Seen::No; luminance.len()];
-        Self { frame, luminance, mean, seen, lamps: 0 }
+        Self { frame, mean: f64::from(mean_luminance(frame)), seen: HashMap::new(), lamps: 0 }
+    }
+
+    fn luminance(&self, texel: u32) -> f32 {
+        luminance(&self.frame.radiance[texel as usize])
+    }
+
+    fn seen(&self, texel: u32) -> Seen {
+        self.seen.get(&texel).copied().unwrap_or(Seen::No)
     }
 
     /// Texels that may be a lamp's, the brightest first.
     fn seeds(&self) -> Vec<u32> {
         let least = (ABOVE_MEAN * self.mean) as f32;
-        let bright = self.luminance.par_iter().enumerate().filter(|(_, l)| **l > least && **l > 0.0);
-        let mut seeds: Vec<(f32, u32)> = bright.map(|(at, l)| (*l, at as u32)).collect();
+        let all = self.frame.radiance.par_iter().enumerate().map(|(at, texel)| (luminance(texel), at as u32));
+        let mut seeds: Vec<(f32, u32)> = all.filter(|(l, _)| *l > least && *l > 0.0).collect();
         seeds.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         seeds.into_iter().map(|(_, at)| at).collect()
     }
@@ -215,13 +223,13 @@ impl<'a> Scan<'a> {
     /// The connected texels about as bright as the seed. `None` if the seed is known already, or if they
     /// are too many for a lamp.
     fn core(&mut self, seed: u32) -> Option<Vec<u32>> {
-        if self.seen[seed as usize] != Seen::No {
+        if self.seen(seed) != Seen::No {
             return None;
         }
-        let least = OF_PEAK as f32 * self.luminance[seed as usize];
+        let least = OF_PEAK as f32 * self.luminance(seed);
         self.lamps += 1;
         let own = Seen::Lamp(self.lamps);
-        self.seen[seed as usize] = own;
+        self.seen.insert(seed, own);
         let (mut core, mut next, mut angle, mut large) = (vec![seed], 0, 0.0, false);
         while next < core.len() && !large {
             let texel = core[next];
@@ -229,19 +237,19 @@ impl<'a> Scan<'a> {
             angle += self.solid_angle(texel);
             large = angle > LARGEST;
             for other in self.neighbours(texel) {
-                if self.luminance[other as usize] < least || self.seen[other as usize] == own {
+                if self.luminance(other) < least || self.seen(other) == own {
                     continue;
                 }
                 // A brighter lamp beside it, or a window of which this is a part.
-                large |= self.seen[other as usize] == Seen::Large;
-                if self.seen[other as usize] == Seen::No {
-                    self.seen[other as usize] = own;
+                large |= self.seen(other) == Seen::Large;
+                if self.seen(other) == Seen::No {
+                    self.seen.insert(other, own);
                     core.push(other);
                 }
             }
         }
         if large {
-            core.iter().for_each(|texel| self.seen[*texel as usize] = Seen::Large);
+            self.seen.extend(core.iter().map(|texel| (*texel, Seen::Large)));
             return None;
         }
         // Texels that show a part of the lamp are no lamps of their own.
@@ -249,8 +257,8 @@ impl<'a> Scan<'a> {
         for _ in 0..2 {
             for texel in std::mem::take(&mut rim) {
                 for other in self.neighbours(texel) {
-                    if self.seen[other as usize] == Seen::No {
-                        self.seen[other as usize] = own;
+                    if self.seen(other) == Seen::No {
+                        self.seen.insert(other, own);
                         rim.push(other);
                     }
                 }
@@ -270,7 +278,7 @@ impl<'a> Scan<'a> {
 
     /// The ellipse of a core's light, and the angle of a texel.
     fn ellipse(&self, core: &[u32]) -> Option<(Ellipse, f64)> {
-        let weight = |texel: u32| f64::from(self.luminance[texel as usize]) * self.solid_angle(texel);
+        let weight = |texel: u32| f64::from(self.luminance(texel)) * self.solid_angle(texel);
         let direction = core.iter().map(|t| self.direction(*t) * weight(*t)).sum::<DVec3>().try_normalize()?;
         let (x, y) = direction.any_orthonormal_pair();
         let mut moments = Moments::default();
@@ -304,11 +312,11 @@ impl<'a> Scan<'a> {
         let outer = margin + texel * (1.0 + coarser);
         let size = self.frame.color_size;
         let reach = ellipse.half.x + outer;
-        let own = self.seen[core[0] as usize];
+        let own = self.seen(core[0]);
         let (mut inside, mut ring) = (Vec::new(), Vec::new());
         for at in texels_near(ellipse.direction, reach, size) {
             let d = self.direction(at);
-            let foreign = !matches!(self.seen[at as usize], Seen::No) && self.seen[at as usize] != own;
+            let foreign = self.seen(at) != Seen::No && self.seen(at) != own;
             if !ellipse.holds(d, outer) || foreign {
                 continue;
             }
@@ -425,7 +433,7 @@ fn depth_without(frame: &PanoramaFrame, lamps: &[Lamp]) -> Vec<f32> {
                 (other, depth[other as usize])
             })
         };
-        let own: std::collections::HashMap<u32, usize> = hidden.iter().enumerate().map(|(k, at)| (*at, k)).collect();
+        let own: HashMap<u32, usize> = hidden.iter().enumerate().map(|(k, at)| (*at, k)).collect();
         // Each texel's neighbours: of the hidden ones their number, of the others 1/depth if it lies behind.
         let neighbours: Vec<Vec<Result<usize, f64>>> = hidden
             .iter()
