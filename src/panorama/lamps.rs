@@ -454,11 +454,10 @@ fn depth_without(frame: &PanoramaFrame, lamps: &[Lamp]) -> Vec<f32> {
         // Successive over-relaxation of Laplace's equation.
         let sweeps = 20 + 4 * (hidden.len() as f64).sqrt() as usize;
         for _ in 0..sweeps {
-            for k in 0..hidden.len() {
-                let sum: f64 = neighbours[k].iter().map(|n| n.map_or_else(|known| known, |other| inverse[other])).sum();
-                if !neighbours[k].is_empty() {
-                    inverse[k] += 1.7 * (sum / neighbours[k].len() as f64 - inverse[k]);
-                }
+            for (k, around) in neighbours.iter().enumerate().filter(|(_, around)| !around.is_empty()) {
+                let sum: f64 =
+                    around.iter().map(|other| other.map_or_else(|known| known, |other| inverse[other])).sum();
+                inverse[k] += 1.7 * (sum / around.len() as f64 - inverse[k]);
             }
         }
         for (at, inverse) in hidden.iter().zip(&inverse) {
