@@ -39,7 +39,7 @@ void virtual_surface_light(ivec2 p) {
     bool specular = brdf_choose_specular(l, random);
     vec3 origin = surface_origin(s);
     vec3 numbers = first_numbers(p, uint(VIRTUAL));
-    Ray ray = trace(aim(origin, s.normal, specular, s, l, -from_eye, numbers, random), origin, s.normal, specular, s, l, -from_eye);
+    Ray ray = trace(aim(origin, origin, s.normal, specular, s, l, -from_eye, numbers, random), origin, origin, s.normal, specular, s, l, -from_eye);
     vec3 weight = ray.weight / (specular ? l.specular_probability : (1.0 - l.specular_probability) / PI);
     if (dot(ray.d, s.geometric) <= 0.0) weight = vec3(0.0);
     vec3 radiance = vec3(0.0);

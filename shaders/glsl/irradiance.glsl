@@ -30,12 +30,13 @@ const uint SCREEN = 1u;    // value of VIRTUAL_TRACER
 #include "screen.glsl"
 
 // Returns what a ray meets of the real scene. Direction-only light is infinitely far.
-PanoramaHit real_trace(vec3 origin, vec3 d) {
+// Free lamps are met from `near`, which lies nearer to the surface that the ray leaves.
+PanoramaHit real_trace(vec3 origin, vec3 near, vec3 d) {
     if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
     PanoramaHit hit;
     if (REAL_TRACER == MARCH) hit = panorama_march(origin, d, push.march_steps);
     else hit = panorama_trace(origin, d, 0.0, FAR);
-    lamps_meet(origin, d, hit);
+    lamps_meet(near, d, hit);
     return hit;
 }
 
@@ -71,15 +72,15 @@ struct Ray {
 
 // Aims at a light: at a free lamp by what it sends here, or at one of the table. Returns false if the direction
 // drawn is behind the surface. `kind` is the lamp's as a hit, 0 for the table's lights.
-bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, out vec3 target, out bool far, out uint kind) {
+bool toward_light(vec3 x, vec3 near, vec3 normal, vec2 u, inout Random random, out vec3 d, out vec3 target, out bool far, out uint kind) {
     kind = 0u;
     if (FREE_LAMPS != 0u) {
-        float lamps = lamps_weight(x, normal), share = lamps / max(lamps + in_lights.total, 1e-30), left = u.x * (lamps + in_lights.total);
+        float lamps = lamps_weight(near, normal), share = lamps / max(lamps + in_lights.total, 1e-30), left = u.x * (lamps + in_lights.total);
         if (u.x < share) {
             uint k = 0u;
             // Rounding may leave a little over, which the last lamp that shines here gets.
             for (uint i = 0u; i < lamp_count(); i++) {
-                float weight = lamp_weight(i, x, normal);
+                float weight = lamp_weight(i, near, normal);
                 if (weight > 0.0 && left >= 0.0) {
                     k = i;
                     u.x = min(left / weight, 0.9999999);
@@ -87,7 +88,7 @@ bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, 
                 left -= weight;
             }
             kind = LAMP + k;
-            d = lamp_sample(k, x, u);
+            d = lamp_sample(k, near, u);
             target = in_lamps.lamp[k].center;
             far = false;
             return dot(d, normal) > 0.0;
@@ -118,12 +119,12 @@ bool meets(PanoramaHit hit, vec3 x, vec3 d, vec3 target, bool far, uint kind) {
 }
 
 // Returns the density of toward_light per solid angle about x, for what a ray from there met.
-float lights_density(vec3 x, vec3 normal, vec3 d, PanoramaHit hit) {
+float lights_density(vec3 x, vec3 near, vec3 normal, vec3 d, PanoramaHit hit) {
     if (FREE_LAMPS == 0u) return light_density(x, d, hit);
-    float all = max(lamps_weight(x, normal) + in_lights.total, 1e-30);
+    float all = max(lamps_weight(near, normal) + in_lights.total, 1e-30);
     if (!is_lamp(hit)) return in_lights.total / all * light_density(x, d, hit);
     uint k = min(hit.kind - LAMP, MOST_LAMPS - 1u);
-    return lamp_weight(k, x, normal) / all * lamp_density(k, x, d);
+    return lamp_weight(k, near, normal) / all * lamp_density(k, near, d);
 }
 
 // A direction that was drawn, and from what.
@@ -155,7 +156,7 @@ vec3 first_numbers(ivec2 p, uint layer) {
 }
 
 // Draws from a Lambert lobe of albedo 1 (f·cos = cos/π), or from the GGX lobe of a surface, or from the lights.
-Aim aim(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, vec3 numbers, inout Random random) {
+Aim aim(vec3 x, vec3 near, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, vec3 numbers, inout Random random) {
     Aim aim;
     aim.mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
     aim.light = numbers.z < light_share(aim.mirror, specular, s);
@@ -163,7 +164,7 @@ Aim aim(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, vec
     aim.kind = 0u;
     aim.target = aim.mirror_weight = vec3(0.0);
     aim.possible = true;
-    if (aim.light) aim.possible = toward_light(x, normal, numbers.xy, random, aim.d, aim.target, aim.far, aim.kind);
+    if (aim.light) aim.possible = toward_light(x, near, normal, numbers.xy, random, aim.d, aim.target, aim.far, aim.kind);
     else {
         vec2 u = numbers.xy;
         if (specular) {
@@ -175,17 +176,17 @@ Aim aim(vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, vec
 }
 
 // Traces the real scene along it.
-Ray trace(Aim aim, vec3 x, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye) {
+Ray trace(Aim aim, vec3 x, vec3 near, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye) {
     Ray ray = Ray(aim.d, vec3(0.0), PanoramaHit(FAR, vec2(0.0), FREE, vec3(0.0)));
     if (!aim.possible) return ray;
-    ray.real = real_trace(x, ray.d);
+    ray.real = real_trace(x, near, ray.d);
     if (aim.mirror) { ray.weight = aim.mirror_weight; return ray; }
     if (aim.light && !meets(ray.real, x, ray.d, aim.target, aim.far, aim.kind)) return ray;
     float density, share = light_share(aim.mirror, specular, s);
     vec3 f;
     if (specular) f = brdf_specular(s, l, to_eye, ray.d, density);
     else { density = max(dot(ray.d, normal), 0.0) / PI; f = vec3(density); }
-    float p = (1.0 - share) * density + (share > 0.0 ? share * lights_density(x, normal, ray.d, ray.real) : 0.0);
+    float p = (1.0 - share) * density + (share > 0.0 ? share * lights_density(x, near, normal, ray.d, ray.real) : 0.0);
     if (p > 0.0) ray.weight = f / p;
     return ray;
 }
@@ -206,7 +207,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, inout Random random) {
         bool specular = brdf_choose_specular(l, random);
         origin = surface_origin(s);
         vec3 numbers = vec3(random_next2(random), random_next(random));
-        ray = trace(aim(origin, s.normal, specular, s, l, to_eye, numbers, random), origin, s.normal, specular, s, l, to_eye);
+        ray = trace(aim(origin, origin, s.normal, specular, s, l, to_eye, numbers, random), origin, origin, s.normal, specular, s, l, to_eye);
         if (dot(ray.d, s.geometric) <= 0.0) return sum;
         throughput *= ray.weight * (specular ? vec3(1.0 / l.specular_probability) : l.diffuse / (1.0 - l.specular_probability));
         if (max(throughput.r, max(throughput.g, throughput.b)) <= 0.0) return sum;
@@ -231,13 +232,13 @@ RealStart real_start(ivec2 p) {
 Aim real_aim(ivec2 p, RealStart from, inout Random random) {
     Surface none;
     Lobes no_lobes;
-    return aim(from.off_real, from.normal, false, none, no_lobes, vec3(0.0), first_numbers(p, uint(REAL)), random);
+    return aim(from.off_real, from.off_virtual, from.normal, false, none, no_lobes, vec3(0.0), first_numbers(p, uint(REAL)), random);
 }
 
 Ray real_ray(Aim aim, RealStart from) {
     Surface none;
     Lobes no_lobes;
-    return trace(aim, from.off_real, from.normal, false, none, no_lobes, vec3(0.0));
+    return trace(aim, from.off_real, from.off_virtual, from.normal, false, none, no_lobes, vec3(0.0));
 }
 
 // Returns the share of the rays from a pixel that are traced if they meet no object: all where objects changed
