@@ -5,7 +5,7 @@ SHADERC = $(shell scripts/shaderc-flags)
 # cargo-nextest where it is installed.
 RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" || echo test)
 
-.PHONY: demo results chart build test lint docs setup clean
+.PHONY: demo results chart build test faults fuzz lint docs setup clean
 
 demo: build
 	mkdir -p out
@@ -30,6 +30,14 @@ build: setup
 test: setup
 	cargo $(RUNNER) --locked --no-default-features --test lean $(SHADERC)
 	cargo $(RUNNER) --locked --features faults $(SHADERC)
+
+# Every Vulkan call of five commands fails, one in each run; `make test` tries the first and last of each name.
+faults: setup
+	IPRT_FAULTS=all cargo $(RUNNER) --locked --features faults $(SHADERC) vulkan_faults::
+
+# Ten minutes of mutated inputs, two for each reader; `make test` tries a few hundred.
+fuzz: setup
+	IPRT_FUZZ_SECONDS=120 cargo $(RUNNER) --locked --features faults $(SHADERC) fuzz::
 
 lint: setup
 	cargo fmt --check

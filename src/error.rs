@@ -30,6 +30,14 @@ pub enum Error {
         /// The driver's answer.
         result: ash::vk::Result,
     },
+    /// A measured value is beyond its limit, and the user asked for that to be an error.
+    #[error("{subject}: {problem}")]
+    Beyond {
+        /// What was measured.
+        subject: String,
+        /// Which values are beyond their limits.
+        problem: String,
+    },
     /// The user stopped the work. What was done is kept.
     #[error("{subject}: interrupted {at}; {remedy}")]
     Interrupted {
@@ -54,12 +62,14 @@ impl Error {
         Self::Input { subject: subject.to_string(), problem: problem.to_string(), remedy: remedy.to_string() }
     }
 
-    /// Returns the process's exit status: 2 for what the user gave, 3 for no device, 1 for the rest.
+    /// Returns the process's exit status: 2 for what the user gave, 3 for no device, 130 if it was interrupted,
+    /// 1 for the rest.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } => 2,
             Self::NoDevice { .. } => 3,
-            Self::Vulkan { .. } | Self::Interrupted { .. } | Self::Internal(_) => 1,
+            Self::Interrupted { .. } => 130,
+            Self::Vulkan { .. } | Self::Beyond { .. } | Self::Internal(_) => 1,
         }
     }
 }

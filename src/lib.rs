@@ -11,17 +11,19 @@
 //! The list goes from the ground up. A module uses only those above it.
 //!
 //! * [`error`]: an [`Error`] says what failed, on which file or object, and the remedy.
+//! * [`budget`]: how much memory a file may take, asked before anything is allocated.
+//! * [`temporary`]: files that are written beside their target, and are gone whatever ends the process.
 //! * [`shaders`]: the SPIR-V of `shaders/glsl/*.comp`. A debug build loads changed shaders from disk.
 //! * [`gpu`] knows Vulkan and nothing else. A [`gpu::Gpu`] makes buffers, images and passes. A [`gpu::Frame`]
 //!   records dispatches and barriers, and refuses to run if a barrier is missing. Submitting it gives a
 //!   [`gpu::Ticket`], and waiting for the ticket gives the time of each dispatch.
 //! * [`image_file`] reads PNG, JPEG, WebP, TIFF, HDR and EXR, and hears what they say of layers, crops and
 //!   colours. It writes PNG and EXR, and never leaves half a file.
+//! * [`settings`]: every approximation is a named value. A [`settings::Method`] is a preset of them.
 //! * [`panorama`] loads the video's frames as linear radiance and metres, maps directions to texels, and
 //!   finds the floor.
 //! * [`scene`] reads scene files and glTF objects, and has built-in [`scene::rooms`]. A [`scene::Scene`]
 //!   gives the state of camera and objects at any time.
-//! * [`settings`]: every approximation is a named value. A [`settings::Method`] is a preset of them.
 //! * [`options`]: what to render, and how.
 //! * [`plan`] decides from a table which parts of the model a scene needs. Other parts are not dispatched,
 //!   compiled in or allocated.
@@ -34,6 +36,7 @@
 //! * [`measure`]: pass times, errors against the truth, the [`measure::chart`] of speed against accuracy, and
 //!   the [`measure::choice`] of settings for a target. [`measure::clock`] takes all times.
 //! * [`inspect`] measures a scene, and tells what can hardly be right. [`warnings`] reach whoever acts, once.
+//!   All that is printed goes through [`terminal`].
 //! * [`stability`]: cases in which such methods fail, each with its truth.
 //! * `viewer`: the window. It needs the feature `viewer`, which is on by default.
 //! * [`cli`]: one file for each subcommand. `main.rs` only parses and prints.
@@ -95,6 +98,7 @@
 //!
 //! `tests/headless/adding.rs` makes a pass by steps 1 to 3.
 
+pub mod budget;
 pub mod cli;
 pub mod error;
 #[macro_use]
@@ -113,6 +117,8 @@ pub mod scene;
 pub mod settings;
 pub mod shaders;
 pub mod stability;
+pub mod temporary;
+pub mod terminal;
 #[cfg(feature = "viewer")]
 pub mod viewer;
 pub mod warnings;

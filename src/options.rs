@@ -1,9 +1,26 @@
 //! What a renderer renders, and how.
 
 use crate::{
-    scene::viewpoint::Projection,
+    Result,
+    scene::{Scene, viewpoint::Projection},
     settings::{Method, Settings},
 };
+
+impl RenderOptions {
+    /// Returns what a scene file asks for.
+    ///
+    /// # Errors
+    /// Fails if its method or one of its settings is not known.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        let method = Method::parse(&scene.render.method, &format!("{}: render.method", scene.name))?;
+        let mut settings = Settings::of(method);
+        for (key, text) in scene.render.set_text() {
+            settings.set(&key, &text, &format!("{}: render.set", scene.name))?;
+        }
+        let projection = Projection::Perspective;
+        Ok(Self { size: scene.camera.size, method, settings, projection, seed: 0, without_objects: false })
+    }
+}
 
 /// The options that a renderer is made with.
 #[derive(Clone, Debug)]

@@ -8,6 +8,7 @@ use crate::{
     },
     renderer::Renderer,
     scene::Scene,
+    warnings,
 };
 use glam::Vec3;
 use std::path::Path;
@@ -43,6 +44,11 @@ pub fn write(
 ) -> Result<()> {
     let size = renderer.options().size;
     let mut picture = renderer.picture()?;
+    let broken = picture.iter().filter(|texel| !texel.iter().all(|value| value.is_finite())).count();
+    if broken > 0 {
+        let (subject, all) = (path.display(), picture.len());
+        warnings::tell(&[format!("{subject}: {broken} of {all} pixels are no finite numbers; report the scene")]);
+    }
     if kind == FileKind::Png {
         // Saturated texels that were raised on loading come down again.
         for texel in &mut picture {

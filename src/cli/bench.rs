@@ -1,11 +1,13 @@
 //! `iprt bench` measures the GPU time of every pass.
 
 use super::{
-    common::{PictureArgs, parse_frames, parse_size, progress},
+    common::{PictureArgs, parse_frames, parse_size},
+    json::{JsonArgs, JsonFileArgs},
+    progress::progress,
     target::TargetArgs,
 };
 use crate::{
-    Error, Result,
+    Result,
     image_file::write::write_bytes,
     measure::{bench, rays},
     passes,
@@ -43,9 +45,8 @@ pub struct Args {
     /// How often --rays traces each kind of ray at each size
     #[arg(long, value_name = "N", requires = "rays", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
-    /// Write the numbers as JSON
-    #[arg(long, value_name = "FILE")]
-    pub json: Option<PathBuf>,
+    #[command(flatten)]
+    pub json: JsonFileArgs,
     /// Write the passes as CSV
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
@@ -61,7 +62,9 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let [first, last] = parse_frames(&args.frames)?;
     args.target.target()?;
-    for path in [&args.json, &args.csv, &args.trace].into_iter().flatten() {
+    let json = JsonArgs::from(args.json.clone());
+    json.require()?;
+    for path in [&args.csv, &args.trace].into_iter().flatten() {
         super::render::require_folder(path)?;
     }
     let gpu = args.picture.device.open()?;
@@ -75,8 +78,10 @@ pub fn run(args: &Args) -> Result<()> {
     let bar = progress(args.picture.quiet, u64::from(args.warmup) + u64::from(count), "measuring");
     let report = bench::run(&mut renderer, &scene, first, count, args.warmup, &Wishes::default(), || bar.inc(1))?;
     bar.finish_and_clear();
-    super::print(report.table().trim_end())?;
-    write_json(args, &report)?;
+    if !json.is_printed() {
+        super::print_lines(report.table().trim_end());
+    }
+    json.write(&report)?;
     if let Some(path) = &args.csv {
         write_bytes(path, report.csv().as_bytes())?;
     }
@@ -88,9 +93,8 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn run_rays(args: &Args) -> Result<()> {
-    if let Some(path) = &args.json {
-        super::render::require_folder(path)?;
-    }
+    let json = JsonArgs::from(args.json.clone());
+    json.require()?;
     let sizes = args.depth_sizes.iter().map(|text| parse_size(text)).collect::<Result<Vec<_>>>()?;
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
@@ -98,13 +102,9 @@ fn run_rays(args: &Args) -> Result<()> {
     let bar = progress(args.picture.quiet, sizes.len() as u64 * u64::from(args.repetitions), "measuring");
     let report = rays::run(&gpu, &scene, &settings, &sizes, args.repetitions, || bar.inc(1))?;
     bar.finish_and_clear();
-    super::print(report.table().trim_end())?;
-    write_json(args, &report)?;
+    if !json.is_printed() {
+        super::print_lines(report.table().trim_end());
+    }
+    json.write(&report)?;
     args.picture.device.close(gpu)
-}
-
-fn write_json(args: &Args, report: &impl serde::Serialize) -> Result<()> {
-    let Some(path) = &args.json else { return Ok(()) };
-    let bytes = serde_json::to_vec_pretty(report).map_err(|e| Error::Internal(e.to_string()))?;
-    write_bytes(path, &bytes)
 }

@@ -1,7 +1,8 @@
 //! `iprt capture` writes the RGBD panorama of a room whose geometry is known, and a scene file that uses it.
 
 use super::{
-    common::{DeviceArgs, parse_frames, parse_size, progress},
+    common::{DeviceArgs, parse_frames, parse_size},
+    progress::progress,
     render::require_folder,
 };
 use crate::{
@@ -104,7 +105,7 @@ pub fn run(args: &Args) -> Result<()> {
     bar.finish_and_clear();
     write_bytes(&scene, text.as_bytes())?;
     if !args.quiet {
-        super::print(&scene.display().to_string())?;
+        super::print(&scene.display().to_string());
     }
     args.device.close(gpu)
 }

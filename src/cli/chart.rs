@@ -1,6 +1,9 @@
 //! `iprt chart` charts speed against accuracy.
 
-use super::common::{DeviceArgs, complete, interrupted, open_scene, parse_projection, parse_size};
+use super::{
+    common::{DeviceArgs, complete, open_scene, parse_projection, parse_size},
+    signals::interrupted,
+};
 use crate::{
     Error, Result,
     image_file::write::{make_folder, write_bytes},
@@ -116,7 +119,7 @@ pub fn run(args: &Args) -> Result<()> {
         chart.write_markdown(&args.output, document, sweep.name())?;
     }
     if !args.quiet {
-        super::print(&format!("{}: {} points", args.output.display(), chart.points.len()))?;
+        super::print(&format!("{}: {} points", args.output.display(), chart.points.len()));
     }
     args.device.close(gpu)
 }

@@ -1,16 +1,18 @@
 //! `iprt check SCENE` reads everything that a scene names. It reports every problem at once, what was
 //! measured, and what can hardly be right.
 
-use super::common::{DeviceArgs, open_scene, scene_path};
+use super::{
+    common::{DeviceArgs, open_scene, scene_path},
+    json::JsonArgs,
+};
 use crate::{
-    Error, Result,
-    image_file::write::write_bytes,
-    inspect::{Report, sheet},
+    Result,
+    inspect::{self, Report, sheet},
     panorama::cloud::Cloud,
-    scene::{Scene, load::Examined, rooms},
+    scene::{load::Examined, rooms},
     warnings,
 };
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `iprt check`.
 #[derive(Clone, Debug, clap::Args)]
@@ -20,9 +22,8 @@ pub struct Args {
     /// Write a sheet of pictures: colour, depth, normals, and floor and objects from above
     #[arg(short, long, value_name = "PNG")]
     pub output: Option<PathBuf>,
-    /// Print what was measured as JSON, or write it to a file
-    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-")]
-    pub json: Option<PathBuf>,
+    #[command(flatten)]
+    pub json: JsonArgs,
     /// Make warnings errors
     #[arg(long)]
     pub strict: bool,
@@ -39,9 +40,8 @@ pub struct Args {
 /// Fails if the scene has problems. All but the last are printed here. The last one is the error, for the
 /// caller to print.
 pub fn run(args: &Args) -> Result<()> {
-    for path in [&args.output, &args.json].into_iter().flatten().filter(|path| *path != Path::new("-")) {
-        super::render::require_folder(path)?;
-    }
+    args.json.require()?;
+    args.output.iter().try_for_each(|path| super::render::require_folder(path))?;
     let mut examined = examine(args)?;
     let mut found = std::mem::take(&mut examined.warnings);
     if let (Some(scene), Some(frame)) = (&examined.scene, &examined.first) {
@@ -52,17 +52,10 @@ pub fn run(args: &Args) -> Result<()> {
         if let Some(path) = &args.output {
             sheet::write(path, &report, scene, frame, &cloud)?;
         }
-        match &args.json {
-            Some(path) => {
-                let json = serde_json::to_string_pretty(&report).map_err(|e| Error::Internal(e.to_string()))?;
-                if path == Path::new("-") {
-                    super::print(&json)?;
-                } else {
-                    write_bytes(path, json.as_bytes())?;
-                }
-            }
-            None => super::print(report.text().trim_end())?,
+        if !args.json.is_printed() {
+            super::print_lines(&crate::terminal::hidden(report.text().trim_end()));
         }
+        args.json.write(&report)?;
     }
     warnings::tell(&found);
     let last = examined.problems.pop();
@@ -72,8 +65,8 @@ pub fn run(args: &Args) -> Result<()> {
     match last {
         Some(last) => Err(last),
         None => {
-            if args.json.as_deref() != Some(Path::new("-")) {
-                super::print(&format!("{}: no problems, {} warnings", args.scene, found.len()))?;
+            if !args.json.is_printed() {
+                super::print(&format!("{}: no problems, {} warnings", args.scene, found.len()));
             }
             super::forbid_warnings(args.strict && !found.is_empty(), &args.scene)
         }
@@ -82,7 +75,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn examine(args: &Args) -> Result<Examined> {
     if rooms::by_name(&args.scene).is_none() {
-        return Ok(Scene::examine(scene_path(&args.scene)?));
+        return Ok(inspect::examine(scene_path(&args.scene)?));
     }
     let gpu = args.device.open()?;
     let scene = open_scene(&gpu, Some(&args.scene), args.quiet)?;

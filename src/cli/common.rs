@@ -9,11 +9,7 @@ use crate::{
     settings::{Method, Settings},
     warnings,
 };
-use indicatif::{ProgressBar, ProgressStyle};
-use std::{
-    path::Path,
-    sync::atomic::{AtomicBool, Ordering},
-};
+use std::path::Path;
 
 /// The flags of the device.
 #[derive(Clone, Debug, clap::Args)]
@@ -221,41 +217,4 @@ pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
             "write for example --frames 0..11, both included",
         )),
     }
-}
-
-/// Whether Ctrl-C is left to [`interrupted`].
-static KEEPS: AtomicBool = AtomicBool::new(false);
-
-/// A flag that Ctrl-C and a polite `kill` set. The frame in flight is then finished, and what was done is
-/// kept.
-pub fn interrupted() -> &'static AtomicBool {
-    static STOP: AtomicBool = AtomicBool::new(false);
-    KEEPS.store(true, Ordering::Relaxed);
-    let handler = || {
-        STOP.store(true, Ordering::Relaxed);
-        if !KEEPS.load(Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
-    if let Err(error) = ctrlc::set_handler(handler) {
-        tracing::warn!("Ctrl-C will not keep what was done: {error}");
-    }
-    &STOP
-}
-
-/// Lets Ctrl-C end the program at once again, as it does before [`interrupted`] is called.
-pub fn nothing_to_keep() {
-    KEEPS.store(false, Ordering::Relaxed);
-}
-
-/// A progress bar on standard error. It is hidden if `quiet` is set or standard error is not a terminal.
-pub fn progress(quiet: bool, length: u64, what: &str) -> ProgressBar {
-    if quiet {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(length).with_message(what.to_owned());
-    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}") {
-        bar.set_style(style);
-    }
-    bar
 }

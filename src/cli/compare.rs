@@ -1,5 +1,6 @@
 //! `iprt compare` measures how far a picture is from the truth.
 
+use super::json::JsonArgs;
 use crate::{
     Error, Result,
     image_file::{
@@ -9,7 +10,6 @@ use crate::{
     measure::metrics::{Metrics, NoiseFree, Picture, compare, flip_map},
     reference::stored,
 };
-use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt compare`.
@@ -33,9 +33,8 @@ pub struct Args {
     /// every frame
     #[arg(long)]
     pub sequence: bool,
-    /// Print the numbers as JSON
-    #[arg(long)]
-    pub json: bool,
+    #[command(flatten)]
+    pub json: JsonArgs,
 }
 
 /// Compares and prints.
@@ -43,6 +42,7 @@ pub fn run(args: &Args) -> Result<()> {
     if !(args.exposure.is_finite() && args.exposure > 0.0) {
         return Err(Error::input("--exposure", args.exposure, "give a positive number"));
     }
+    args.json.require()?;
     if args.sequence {
         return super::compare_sequence::run(args);
     }
@@ -58,14 +58,10 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.diff {
         write_diff(path, test, truth, args.exposure)?;
     }
-    if args.json {
-        return print_json(&metrics);
+    if !args.json.is_printed() {
+        super::print_lines(&table(&metrics));
     }
-    super::print(&table(&metrics))
-}
-
-pub(super) fn print_json(value: &impl Serialize) -> Result<()> {
-    super::print(&serde_json::to_string(value).map_err(|e| Error::Internal(e.to_string()))?)
+    args.json.write(&metrics)
 }
 
 /// Writes FLIP's error of each pixel as a grey PNG.

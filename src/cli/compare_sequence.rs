@@ -1,7 +1,7 @@
 //! `iprt compare --sequence` measures how far successive frames are from the truth, each frame for itself and
 //! all of them over time.
 
-use super::compare::{Args, color, print_json, region, table, write_diff};
+use super::compare::{Args, color, region, table, write_diff};
 use crate::{
     Error, Result,
     image_file::{ExrLayer, FileImage, read::read},
@@ -88,7 +88,10 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(Error::Internal("a sequence without frames".into()));
     };
     let report = SequenceReport { temporal, motion: ways.is_some(), mean, worst, frames };
-    if args.json { print_json(&report) } else { super::print(&text(&report)) }
+    if !args.json.is_printed() {
+        super::print_lines(&text(&report));
+    }
+    args.json.write(&report)
 }
 
 /// The numbers of the test's frames. The truth must have them too.

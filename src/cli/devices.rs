@@ -1,31 +1,30 @@
 //! `iprt devices` lists the devices to run on.
 
+use super::json::JsonArgs;
 use crate::{
-    Error, Result,
+    Result,
     gpu::adapter::{self, Adapter},
 };
 
 /// Arguments of `devices`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Print JSON: an array of {index, name, driver, api_version, kind, usable, problems}
-    #[arg(long)]
-    pub json: bool,
+    #[command(flatten)]
+    pub json: JsonArgs,
 }
 
 /// Lists every device.
 ///
 /// # Errors
-/// Fails with [`Error::NoDevice`] if there is no loader, no driver or no usable device.
+/// Fails with [`Error::NoDevice`](crate::Error::NoDevice) if there is no loader, no driver or no usable device.
 pub fn run(args: &Args) -> Result<()> {
     let adapters = adapter::list()?;
     let default = adapter::choose(&adapters, None);
-    if args.json {
-        let json = serde_json::to_string_pretty(&adapters).map_err(|error| Error::Internal(error.to_string()))?;
-        super::print(&json)?;
-    } else if !adapters.is_empty() {
+    args.json.require()?;
+    args.json.write(&adapters)?;
+    if !args.json.is_printed() && !adapters.is_empty() {
         let lines: Vec<_> = adapters.iter().map(|a| line(a, default.as_ref().ok() == Some(&a.index))).collect();
-        super::print(&lines.join("\n"))?;
+        super::print_lines(&lines.join("\n"));
     }
     default.map(|_| ())
 }

@@ -1,6 +1,9 @@
 //! `iprt masks` writes the regions by which errors are reported.
 
-use super::common::{PictureArgs, parse_frames, progress};
+use super::{
+    common::{PictureArgs, parse_frames},
+    progress::progress,
+};
 use crate::{
     Error, Result,
     image_file::write::{make_folder, write_png},
@@ -73,7 +76,7 @@ pub fn run(args: &Args) -> Result<()> {
         write_png(&path, options.size, &mask.iter().map(|inside| u8::from(*inside) * 255).collect::<Vec<_>>(), 1)?;
         if !args.picture.quiet {
             let share = 100.0 * mask.iter().filter(|inside| **inside).count() as f64 / mask.len() as f64;
-            super::print(&format!("{}: {share:.1} % of the picture", path.display()))?;
+            super::print(&format!("{}: {share:.1} % of the picture", path.display()));
         }
     }
     args.picture.device.close(gpu)

@@ -9,13 +9,16 @@ pub mod common;
 pub mod compare;
 mod compare_sequence;
 pub mod devices;
+pub mod json;
 pub mod masks;
 pub mod new;
 pub mod plan;
+mod progress;
 pub mod reference;
 pub mod render;
 pub mod scene;
 pub mod shell;
+pub mod signals;
 pub mod stability;
 pub mod target;
 #[cfg(feature = "viewer")]
@@ -24,14 +27,16 @@ pub mod view;
 #[path = "no_view.rs"]
 pub mod view;
 
-use std::{
-    io::{self, IsTerminal, Write},
-    sync::atomic::{AtomicBool, Ordering},
-};
+use std::{io, process::ExitCode};
 
 use clap::{ArgAction, Parser, Subcommand};
 
-use crate::{Error, Result, warnings};
+use crate::{
+    Error, Result, budget,
+    gpu::left_running,
+    terminal::{self, print, print_lines, say, say_lines},
+    warnings,
+};
 
 /// Virtual objects in 360° RGBD video, lit by the video itself.
 #[derive(Debug, Parser)]
@@ -43,6 +48,9 @@ pub struct Cli {
     /// Print more on standard error; give it twice for still more
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub verbose: u8,
+    /// How much memory a file may take while it is read, as 512M or 4G [default: half of the machine's]
+    #[arg(long, global = true, value_name = "SIZE", value_parser = budget::parse)]
+    pub memory: Option<u64>,
 }
 
 /// The subcommands.
@@ -129,34 +137,70 @@ impl Cli {
     /// # Errors
     /// Fails with what went wrong, as one line for stderr and with its [`Error::exit_code`].
     pub fn run(self) -> Result<()> {
-        let level = match self.verbose {
-            0 => tracing::Level::WARN,
-            1 => tracing::Level::INFO,
+        let quiet = self.command.is_quiet();
+        budget::set(self.memory.unwrap_or(0));
+        let level = match (self.verbose, quiet) {
+            (0, true) => tracing::Level::ERROR,
+            (0, false) => tracing::Level::WARN,
+            (1, _) => tracing::Level::INFO,
             _ => tracing::Level::DEBUG,
         };
-        let log = tracing_subscriber::fmt().with_max_level(level).with_writer(io::stderr).without_time();
-        log.with_target(false).with_ansi(io::stderr().is_terminal()).log_internal_errors(false).init();
-        if !self.command.is_quiet() {
-            warnings::listen(|warning| say(&format!("warning: {warning}")));
+        let log = tracing_subscriber::fmt().with_max_level(level).log_internal_errors(false);
+        log.event_format(terminal::Log).with_writer(io::sink).init();
+        if !quiet {
+            warnings::listen(|warning| terminal::say_as("warning", warning));
         }
-        self.command.run()
+        signals::watch();
+        let result = self.command.run();
+        if !quiet {
+            for (warning, times) in warnings::repeated() {
+                terminal::say_as("warning", &format!("{} more like this one: {warning}", times - 1));
+            }
+        }
+        result
     }
 }
 
-/// Whether something could not be written to stderr.
-static NOT_HEARD: AtomicBool = AtomicBool::new(false);
-
-/// Prints a line to stderr. It is no error if nobody reads it.
-pub fn say(text: &str) {
-    let mut err = io::stderr().lock();
-    let said = writeln!(err, "{text}").and_then(|()| err.flush());
-    let lost = said.is_err_and(|error| error.kind() != io::ErrorKind::BrokenPipe);
-    NOT_HEARD.fetch_or(lost, Ordering::Relaxed);
+/// Reads the command line and does what it says. All that goes wrong is told, and is in the exit status.
+pub fn main() -> ExitCode {
+    let status = match Cli::try_parse() {
+        Ok(cli) => cli.run().map_or_else(
+            |error| {
+                say(&format!("iprt: {error}"));
+                error.exit_code()
+            },
+            |()| 0,
+        ),
+        Err(usage) => tell_usage(&usage),
+    };
+    let (unwritten, unheard) = terminal::failure();
+    if let Some(error) = &unwritten {
+        say(&format!("iprt: {error}"));
+    }
+    let status = if status == 0 && (unwritten.is_some() || unheard) { 2 } else { status };
+    if left_running() {
+        signals::leave(status.into());
+    }
+    ExitCode::from(status)
 }
 
-/// Says whether a line for stderr was lost, as on a full disk. Then the exit status must tell.
-pub fn was_not_heard() -> bool {
-    NOT_HEARD.load(Ordering::Relaxed)
+/// Prints help, the version, or what is wrong with the arguments.
+fn tell_usage(usage: &clap::Error) -> u8 {
+    // What was given may hold escape sequences of its own.
+    let strange = std::env::args_os().any(|argument| argument.to_string_lossy().contains(char::is_control));
+    let text = usage.render();
+    if usage.use_stderr() {
+        match terminal::is_coloured(&io::stderr()) && !strange {
+            true => terminal::say_coloured(text.ansi().to_string().trim_end()),
+            false => say_lines(text.to_string().trim_end()),
+        }
+        return 2;
+    }
+    match terminal::is_coloured(&io::stdout()) {
+        true => terminal::print_coloured(text.ansi().to_string().trim_end()),
+        false => print_lines(text.to_string().trim_end()),
+    }
+    0
 }
 
 /// Fails if there were warnings and `strict` makes them errors.
@@ -165,20 +209,6 @@ fn forbid_warnings(strict: bool, subject: &str) -> Result<()> {
         n if strict && n > 0 => {
             let problem = format!("{n} warnings, and --strict makes them errors");
             Err(Error::input(subject, problem, "mend what they name, or leave --strict out"))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Prints to stdout. It is no error if a reader stops early, as with `| head`.
-///
-/// # Errors
-/// Fails with [`Error::Input`] if stdout cannot be written.
-pub fn print(text: &str) -> Result<()> {
-    let mut out = io::stdout().lock();
-    match writeln!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::input("standard output", error, "write to a file or terminal that has room"))
         }
         _ => Ok(()),
     }

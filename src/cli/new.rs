@@ -89,14 +89,15 @@ pub fn run(args: &Args) -> Result<()> {
     if let (Some(scene), Some(frame)) = (&examined.scene, &examined.first) {
         let report = Report::of(scene, frame, &Cloud::of(frame, scene.panorama.yaw_degrees));
         found.extend(report.warnings.iter().filter(|warning| !found.contains(warning)).cloned().collect::<Vec<_>>());
-        super::print(report.text().trim_end())?;
+        super::print_lines(report.text().trim_end());
     }
     warnings::tell(&found);
     if let Some(problem) = examined.problems.pop() {
         return Err(problem);
     }
     let name = args.output.display();
-    super::print(&format!("{name}: written; what was assumed stands in it. Next: iprt render {name} -o picture.png"))
+    super::print(&format!("{name}: written; what was assumed stands in it. Next: iprt render {name} -o picture.png"));
+    Ok(())
 }
 
 /// The first file of a pattern, or the file itself.

@@ -1,8 +1,10 @@
 //! `iprt reference` renders converged pictures of the method's own model or of the complete true scene.
 
 use super::{
-    common::{PictureArgs, interrupted, parse_frames, progress},
+    common::{PictureArgs, parse_frames},
+    progress::{Progress, progress},
     render::{check_aovs, require_folder},
+    signals::interrupted,
 };
 use crate::{
     Error, Result,
@@ -15,8 +17,8 @@ use crate::{
     renderer::Renderer,
     settings::Method,
 };
-use indicatif::{ProgressBar, ProgressStyle};
-use std::path::PathBuf;
+use indicatif::ProgressStyle;
+use std::{path::PathBuf, sync::atomic::Ordering};
 
 /// Arguments of `iprt reference`.
 #[derive(Clone, Debug, clap::Args)]
@@ -82,8 +84,8 @@ fn panorama(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
     let mut renderer = Renderer::new(&gpu, &scene, options)?;
     check_aovs(&renderer, &args.aov)?;
     let bar = Bar::new(args.picture.quiet, goal);
-    let mut paths = 0;
-    while paths < goal.samples {
+    let (mut paths, stop) = (0, interrupted());
+    while paths < goal.samples && !stop.load(Ordering::Relaxed) {
         renderer.render(&scene, scene.panorama.frame_time(frame as usize))?;
         paths += 1;
         let noise = paths.is_multiple_of(NOISE_EVERY).then(|| renderer.standard_error()).transpose()?;
@@ -93,9 +95,20 @@ fn panorama(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
         }
     }
     bar.0.finish_and_clear();
-    write(&renderer, &scene, &args.output, kind, scene.render.exposure, &args.aov)?;
+    if paths > 0 {
+        write(&renderer, &scene, &args.output, kind, scene.render.exposure, &args.aov)?;
+    }
+    let so_far = so_far("paths", paths, renderer.standard_error()?);
+    if stop.load(Ordering::Relaxed) {
+        let kept = if paths > 0 { "the picture so far is there" } else { "nothing is kept" };
+        return Err(Error::Interrupted {
+            subject: args.output.display().to_string(),
+            at: format!("at {so_far}"),
+            remedy: format!("{kept}; run it again for all"),
+        });
+    }
     if !args.picture.quiet {
-        super::print(&format!("{}: {}", args.output.display(), so_far("paths", paths, renderer.standard_error()?)))?;
+        super::print(&format!("{}: {so_far}", args.output.display()));
     }
     drop(renderer);
     args.picture.device.close(gpu)
@@ -151,7 +164,7 @@ fn scene(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
         truth::remove(&state);
     }
     if !args.picture.quiet {
-        super::print(&format!("{}: {so_far}", args.output.display()))?;
+        super::print(&format!("{}: {so_far}", args.output.display()));
     }
     drop(tracer);
     args.picture.device.close(gpu)
@@ -162,7 +175,7 @@ fn so_far(what: &str, count: u32, noise: f64) -> String {
 }
 
 /// A progress bar towards a goal, with the noise so far.
-struct Bar(ProgressBar, Goal);
+struct Bar(Progress, Goal);
 
 impl Bar {
     fn new(quiet: bool, goal: Goal) -> Self {

@@ -1,7 +1,9 @@
 //! `iprt render` renders pictures to files.
 
 use super::{
-    common::{PictureArgs, parse_frames, progress},
+    common::{PictureArgs, parse_frames},
+    progress::progress,
+    signals,
     target::TargetArgs,
 };
 use crate::{
@@ -13,6 +15,7 @@ use crate::{
     renderer::{Renderer, Wishes},
     scene::Scene,
     settings::Method,
+    temporary::Temporary,
 };
 use std::path::{Path, PathBuf};
 
@@ -103,9 +106,12 @@ pub fn run(args: &Args) -> Result<()> {
         let times = std::iter::repeat_n(scene.panorama.frame_time(frame as usize), count as usize);
         renderer.render_all(&scene, times, &Wishes::default(), |_| {
             bar.inc(1);
-            Ok(())
+            if signals::stopped() { Err(interrupted(args, [first, frame, last])) } else { Ok(()) }
         })
     };
+    if sequence {
+        signals::interrupted(); // each picture is kept
+    }
     render(&mut renderer, first, warmup)?;
     for frame in first..=last {
         if converge {
@@ -115,17 +121,26 @@ pub fn run(args: &Args) -> Result<()> {
         let path = pattern.file(frame);
         write(&renderer, &scene, &path, kind, exposure, &args.aov)?;
         if !args.picture.quiet {
-            bar.suspend(|| super::print(&path.display().to_string()))?;
+            bar.suspend(|| super::print(&path.display().to_string()));
         }
     }
     bar.finish_and_clear();
     if let Some(frames) = args.timings {
         let report = time(&mut renderer, &scene, last, frames)?;
-        super::print(report.table().trim_end())?;
+        super::print_lines(report.table().trim_end());
     }
     drop(renderer);
     args.picture.device.close(gpu)?;
     super::forbid_warnings(args.strict, &scene.name)
+}
+
+/// Says which frames are there, and how to go on.
+fn interrupted(args: &Args, [first, frame, last]: [u32; 3]) -> Error {
+    Error::Interrupted {
+        subject: args.output.display().to_string(),
+        at: format!("after {} of {} pictures", frame - first, last - first + 1),
+        remedy: format!("they are kept; give --frames {frame}..{last} to go on"),
+    }
 }
 
 fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::BenchReport> {
@@ -140,8 +155,7 @@ pub fn check_aovs(renderer: &Renderer, aovs: &[String]) -> Result<()> {
 /// Fails if the folder of an output does not exist or cannot be written. It is called before rendering, too.
 pub fn require_folder(path: &Path) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let probe = tempfile::Builder::new().prefix(".iprt-").tempfile_in(folder);
-    probe.map(drop).map_err(|e| {
+    Temporary::new(folder).map(drop).map_err(|e| {
         Error::input(
             path.display(),
             format!("cannot be written: {}", e.kind()),

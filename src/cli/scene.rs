@@ -44,7 +44,7 @@ pub fn run(command: &SceneCommand) -> Result<()> {
     let frames = room_frames(&gpu, &room, &settings, cache_folder().as_deref())?;
     let path = export.write(&args.output, &frames)?;
     if !args.quiet {
-        super::print(&path.display().to_string())?;
+        super::print(&path.display().to_string());
     }
     args.device.close(gpu)
 }

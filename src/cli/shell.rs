@@ -24,7 +24,8 @@ pub struct ManArgs {
 pub fn completions(args: &CompletionsArgs) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "iprt", &mut script);
-    super::print(String::from_utf8_lossy(&script).trim_end())
+    super::print_lines(String::from_utf8_lossy(&script).trim_end());
+    Ok(())
 }
 
 /// Writes a manual page for each command.

@@ -1,6 +1,10 @@
 //! `iprt stability` runs cases in which such methods fail.
 
-use super::common::{DeviceArgs, key_value, progress};
+use super::{
+    common::{DeviceArgs, key_value},
+    progress::progress,
+    signals,
+};
 use crate::{
     Error, Result,
     image_file::write::make_folder,
@@ -10,7 +14,7 @@ use crate::{
         report::{self, Row, Setup},
     },
 };
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::atomic::Ordering};
 
 /// Arguments of `iprt stability`.
 #[derive(Clone, Debug, clap::Args)]
@@ -30,6 +34,9 @@ pub struct Args {
     /// A setting for every method, as key=value; may be repeated (see docs/methods.md)
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
+    /// Fail with status 1 if a value is beyond its limit
+    #[arg(long)]
+    pub strict: bool,
     #[command(flatten)]
     pub device: DeviceArgs,
     /// Print less
@@ -63,7 +70,16 @@ pub fn run(args: &Args) -> Result<()> {
     let bar = progress(args.quiet, (chosen.len() * methods.len()) as u64, "cases");
     make_folder(&args.output)?;
     let (mut rows, mut failed) = (Vec::new(), 0);
+    let stop = signals::interrupted();
+    let names: Vec<_> = chosen.iter().map(|case| case.name).collect();
     for case in chosen {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted {
+                subject: args.output.display().to_string(),
+                at: format!("after {} of {} cases", rows.len(), names.len()),
+                remedy: format!("the report holds them; for the others, name {}", names[rows.len()..].join(" ")),
+            });
+        }
         let mut results = Vec::new();
         for &method in &methods {
             match suite.run(&case, method) {
@@ -78,7 +94,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         let row = Row { case, results };
         if !args.quiet {
-            bar.suspend(|| super::print(&row.line()))?;
+            bar.suspend(|| super::print_lines(&row.line()));
         }
         rows.push(row);
         // What is done is written at once, whatever happens to the rest.
@@ -87,10 +103,15 @@ pub fn run(args: &Args) -> Result<()> {
     bar.finish_and_clear();
     drop(suite);
     if !args.quiet {
-        super::print(&args.output.join("stability.html").display().to_string())?;
+        super::print(&args.output.join("stability.html").display().to_string());
     }
     args.device.close(gpu)?;
+    let beyond: Vec<_> = rows.iter().flat_map(Row::beyond).collect();
     match failed {
+        0 if args.strict && !beyond.is_empty() => Err(Error::Beyond {
+            subject: "stability".to_owned(),
+            problem: format!("{} of its values are beyond their limits: {}", beyond.len(), beyond.join(", ")),
+        }),
         0 => Ok(()),
         n => Err(Error::input("stability", format!("{n} could not be measured"), "see the lines above")),
     }

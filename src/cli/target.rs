@@ -1,6 +1,10 @@
 //! `--target-ms` and `--target-flip` choose settings from measured points.
 
-use super::common::{PictureArgs, interrupted, nothing_to_keep, progress};
+use super::{
+    common::PictureArgs,
+    progress::progress,
+    signals::{interrupted, nothing_to_keep},
+};
 use crate::{
     Error, Result,
     gpu::Gpu,

@@ -69,7 +69,7 @@ pub fn run(args: Args) -> Result<()> {
         let json = serde_json::to_string_pretty(&result).map_err(|error| Error::Internal(error.to_string()))?;
         match &report {
             Some(path) => write_bytes(path, json.as_bytes())?,
-            None => super::print(&json)?,
+            None => super::print_lines(&json),
         }
     }
     if validation && !result.messages.is_empty() {

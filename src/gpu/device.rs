@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError, Weak,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
 };
 
@@ -52,6 +52,8 @@ pub(super) struct Shared {
     pub storage: [bool; Format::ALL.len()],
     pub live_bytes: AtomicU64,
     pub next_id: AtomicU64,
+    /// Whether a wait has failed, so that the device may be using anything.
+    stuck: AtomicBool,
     allocator: Mutex<Option<memory::Allocator>>,
     slots: Mutex<Vec<Slot>>,
     staging: Mutex<Option<Staging>>,
@@ -66,8 +68,16 @@ pub(super) struct Shared {
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub instance: ash::Instance,
     log: Arc<Log>,
-    #[cfg_attr(not(feature = "viewer"), expect(dead_code, reason = "windows alone read it; all need it alive"))]
     pub entry: ash::Entry,
+}
+
+/// Whether a device of this process was given up.
+static STUCK: AtomicBool = AtomicBool::new(false);
+
+/// Says whether a device could not be waited for. A driver may then be at work until the process is gone, and
+/// crash if it is unloaded, so the process must end without that.
+pub fn left_running() -> bool {
+    STUCK.load(Ordering::Relaxed)
 }
 
 /// Turns a failed call into an [`Error::Vulkan`] that says what was being done.
@@ -334,6 +344,7 @@ impl Parts {
             pipeline_cache: self.pipeline_cache,
             live_bytes: AtomicU64::new(0),
             next_id: AtomicU64::new(0),
+            stuck: AtomicBool::new(false),
             allocator: Mutex::new(Some(self.allocator)),
             slots: Mutex::new(Vec::new()),
             staging: Mutex::new(None),
@@ -376,6 +387,23 @@ impl Shared {
         })
     }
 
+    /// Says whether what the device used may be freed: not once it could not be waited for.
+    pub(super) fn may_free(&self) -> bool {
+        !self.stuck.load(Ordering::Relaxed)
+    }
+
+    /// Has everything that was made on this device stay, because a wait for it has failed: it is lost, or
+    /// still at work.
+    pub(super) fn give_up(&self) {
+        self.stuck.store(true, Ordering::Relaxed);
+        STUCK.store(true, Ordering::Relaxed);
+    }
+
+    /// Keeps an answer to a wait or a submission, and gives up the device if it says that work may go on.
+    pub(super) fn waited<T>(&self, answer: std::result::Result<T, vk::Result>) -> std::result::Result<T, vk::Result> {
+        answer.inspect_err(|_| self.give_up())
+    }
+
     pub(super) fn free(&self, allocation: memory::Allocation) {
         if let Some(Err(error)) = lock(&self.allocator).as_mut().map(|allocator| allocator.free(allocation)) {
             tracing::error!("freeing device memory: {error}");
@@ -403,7 +431,9 @@ impl Shared {
         let queue = self.queue();
         // SAFETY: the command buffer is complete and the fence unsignalled, and the lock serialises the
         // queue.
-        unsafe { self.device.queue_submit2(*queue, &submits, fence) }
+        let submitted = unsafe { self.device.queue_submit2(*queue, &submits, fence) };
+        // A device that is lost may have begun. One that lacks memory has not.
+        if submitted == Err(vk::Result::ERROR_DEVICE_LOST) { self.waited(submitted) } else { submitted }
     }
 
     /// Locks the queue, as one thread at a time may use it.
@@ -416,7 +446,11 @@ impl Drop for Shared {
     fn drop(&mut self) {
         // SAFETY: every buffer, image and pass held this, and none is left. The allocator is dropped first.
         unsafe {
-            let _ = self.device.device_wait_idle(); // a lost device is torn down as well
+            if !self.may_free() || self.waited(self.device.device_wait_idle()).is_err() {
+                // What still runs needs the driver, the memory, and where messages go.
+                std::mem::forget((lock(&self.allocator).take(), self.entry.clone(), Arc::clone(&self.log)));
+                return;
+            }
             let slots = std::mem::take(&mut *lock(&self.slots));
             for slot in slots {
                 slot.destroy(self);

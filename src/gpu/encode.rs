@@ -98,16 +98,15 @@ pub(super) unsafe fn image_change(
 /// Records, submits and waits for a transfer outside any frame.
 pub(super) fn immediate(shared: &Shared, what: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<()> {
     let slot = shared.take_slot()?;
-    let begun = slot.begin(&shared.device);
-    if begun.is_err() {
+    let ran = slot.begin(&shared.device).and_then(|()| {
+        record(slot.commands);
+        slot.submit(shared).and_then(|()| slot.wait(shared)).map_err(during(what))
+    });
+    // The device may still use the slot if it could not be waited for.
+    if shared.may_free() {
         shared.return_slot(slot);
-        return begun;
     }
-    record(slot.commands);
-    // If this fails, the device may still use the slot, so it is not given back.
-    slot.submit(shared).and_then(|()| slot.wait(shared)).map_err(during(what))?;
-    shared.return_slot(slot);
-    Ok(())
+    ran
 }
 
 /// Runs the pieces of a frame in order, and asks before each whether to stop. Times are from submission to

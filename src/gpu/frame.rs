@@ -232,13 +232,7 @@ impl Frame {
     pub fn submit(self) -> Result<Ticket> {
         let commands = needed(self.commands, &self.options)?;
         match &self.options.pieces {
-            Some(pieces) => match encode::run_pieces(&self.gpu, cut(commands), &|| pieces.stopped()) {
-                Err(error) if !matches!(error, Error::Interrupted { .. }) => {
-                    self.slot.abandon(); // a piece may still read what is staged in it
-                    Err(error)
-                }
-                ran => ran.map(Ticket::done),
-            },
+            Some(pieces) => encode::run_pieces(&self.gpu, cut(commands), &|| pieces.stopped()).map(Ticket::done),
             None => Ticket::submit(&self.gpu, self.slot, commands),
         }
     }

@@ -109,6 +109,10 @@ impl fmt::Debug for Buffer {
 impl Drop for BufferData {
     fn drop(&mut self) {
         let shared = &self.gpu.0;
+        if !shared.may_free() {
+            std::mem::forget(self.allocation.take());
+            return;
+        }
         // SAFETY: frames that use the buffer hold it, and the last holder is gone.
         unsafe { shared.device.destroy_buffer(self.handle, None) };
         if let Some(allocation) = self.allocation.take() {
@@ -210,6 +214,10 @@ impl fmt::Debug for Image {
 impl Drop for ImageData {
     fn drop(&mut self) {
         let shared = &self.gpu.0;
+        if !shared.may_free() {
+            std::mem::forget(self.allocation.take());
+            return;
+        }
         // SAFETY: frames that use the image hold it, and the last holder is gone. Null views are ignored.
         unsafe {
             for view in self.views.iter().flatten() {

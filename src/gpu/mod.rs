@@ -32,7 +32,7 @@ mod transfer;
 pub mod validation;
 
 pub use bind::Bind;
-pub use device::{Gpu, GpuOptions};
+pub use device::{Gpu, GpuOptions, left_running};
 pub use frame::{Frame, FrameOptions, Pieces, Threads};
 pub use layout::{GpuStruct, PushLayout, StructLayout, struct_layout};
 pub use memory::{Buffer, Format, Image};

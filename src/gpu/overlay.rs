@@ -79,7 +79,8 @@ impl Overlay {
         for id in textures.free.drain() {
             self.images.remove(&id);
             // SAFETY: the lock serialises the queue.
-            unsafe { self.gpu.0.device.queue_wait_idle(*self.gpu.0.queue()) }.map_err(during("vkQueueWaitIdle"))?;
+            let waited = unsafe { self.gpu.0.device.queue_wait_idle(*self.gpu.0.queue()) };
+            self.gpu.0.waited(waited).map_err(during("vkQueueWaitIdle"))?;
             renderer.free_texture(id).map_err(failed)?;
         }
         Ok(())
@@ -121,6 +122,10 @@ fn paste(whole: &mut ColorImage, part: &ColorImage, [x, y]: [usize; 2]) {
 
 impl Drop for Overlay {
     fn drop(&mut self) {
+        if !self.gpu.0.may_free() {
+            std::mem::forget(self.renderer.take());
+            return;
+        }
         drop(self.renderer.take());
         // SAFETY: whoever drops this has waited for what it drew.
         unsafe { self.gpu.0.device.destroy_command_pool(self.pool, None) };

@@ -256,6 +256,9 @@ impl PassData {
 impl Drop for PassData {
     fn drop(&mut self) {
         let device = &self.gpu.0.device;
+        if !self.gpu.0.may_free() {
+            return;
+        }
         // SAFETY: frames that use the pass hold it, and the last holder is gone. Null handles are ignored.
         unsafe {
             device.destroy_pipeline(self.pipeline, None);

@@ -12,7 +12,7 @@ use std::{
 use ash::vk;
 
 use super::device::during;
-use crate::Result;
+use crate::{Result, temporary::Temporary};
 
 /// A larger cache is deleted. It holds many versions of the shaders.
 const LARGEST: usize = 64 << 20;
@@ -103,11 +103,10 @@ fn load(file: &Path, header: &[u8]) -> Vec<u8> {
 fn store(file: &Path, data: &[u8]) -> std::io::Result<()> {
     let folder = file.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
-    let mut new = tempfile::NamedTempFile::new_in(folder)?;
-    new.write_all(blake3::hash(data).as_bytes())?;
-    new.write_all(data)?;
-    new.persist(file)?;
-    Ok(())
+    let mut new = Temporary::new(folder)?;
+    new.file()?.write_all(blake3::hash(data).as_bytes())?;
+    new.file()?.write_all(data)?;
+    new.keep(file)
 }
 
 #[cfg(test)]

@@ -12,9 +12,10 @@ use super::{
     encode::{barrier, image_change},
     memory::{Format, Image},
     overlay::{Overlay, Paint},
+    slot::TIMEOUT_NS,
     swapchain::{Attempt, PresentMode, Surface, Swapchain, SwapchainImage, WindowHandles},
 };
-use crate::{Error, Result};
+use crate::Result;
 
 const IN_FLIGHT: usize = 2;
 
@@ -72,6 +73,8 @@ struct Flight {
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
     fence: vk::Fence,
+    /// Whether the fence belongs to a submission that nobody waited for yet.
+    pending: bool,
     ready: vk::Semaphore,
     held: Vec<Image>,
 }
@@ -113,6 +116,7 @@ impl Screen {
             commands: vk::CommandBuffer::null(),
             fence: vk::Fence::null(),
             ready: vk::Semaphore::null(),
+            pending: false,
             held: Vec::new(),
         };
         // SAFETY: the create infos are valid, and what has been made is freed with the screen.
@@ -126,8 +130,8 @@ impl Screen {
             let flight = &mut self.frames[last];
             let info = vk::CommandBufferAllocateInfo::default().command_pool(flight.pool).command_buffer_count(1);
             flight.commands = device.allocate_command_buffers(&info).map_err(during("vkAllocateCommandBuffers"))?[0];
-            let signalled = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
-            flight.fence = device.create_fence(&signalled, None).map_err(during("vkCreateFence"))?;
+            flight.fence =
+                device.create_fence(&vk::FenceCreateInfo::default(), None).map_err(during("vkCreateFence"))?;
             flight.ready = device
                 .create_semaphore(&vk::SemaphoreCreateInfo::default(), None)
                 .map_err(during("vkCreateSemaphore"))?;
@@ -160,9 +164,12 @@ impl Screen {
         }
         let turn = self.next;
         let flight = &mut self.frames[turn];
-        // SAFETY: the fence belongs to this device.
-        unsafe { self.gpu.0.device.wait_for_fences(&[flight.fence], true, u64::MAX) }
-            .map_err(during("waiting for a frame of the window"))?;
+        if flight.pending {
+            // SAFETY: the fence belongs to this device and to a submission.
+            let waited = unsafe { self.gpu.0.device.wait_for_fences(&[flight.fence], true, TIMEOUT_NS) };
+            self.gpu.0.waited(waited).map_err(during("waiting for a frame of the window"))?;
+            flight.pending = false;
+        }
         flight.held.clear();
         let ready = flight.ready;
         let Some(chain) = &mut self.swapchain else { return Ok(Shown::NotNow) };
@@ -174,6 +181,7 @@ impl Screen {
         };
         self.record(turn, target, blits, &paint)?;
         self.submit(turn, target)?;
+        self.frames[turn].pending = true;
         self.frames[turn].held = blits.iter().map(|blit| blit.image.clone()).collect();
         self.next = (turn + 1) % IN_FLIGHT;
         let Some(chain) = &mut self.swapchain else { return Ok(Shown::NotNow) };
@@ -206,12 +214,16 @@ impl Screen {
 
     /// Waits for this window's frames and for their presentation.
     fn wait(&self) -> Result<()> {
-        let fences: Vec<_> = self.frames.iter().map(|flight| flight.fence).collect();
+        let fences: Vec<_> = self.frames.iter().filter(|flight| flight.pending).map(|flight| flight.fence).collect();
         let shared = &self.gpu.0;
-        // SAFETY: the fences belong to this device, and the lock serialises the queue.
+        // SAFETY: the fences belong to submissions on this device, and the lock serialises the queue.
         unsafe {
-            shared.device.wait_for_fences(&fences, true, u64::MAX).map_err(during("vkWaitForFences"))?;
-            shared.device.queue_wait_idle(*shared.queue()).map_err(during("vkQueueWaitIdle"))
+            if !fences.is_empty() {
+                let waited = shared.device.wait_for_fences(&fences, true, TIMEOUT_NS);
+                shared.waited(waited).map_err(during("vkWaitForFences"))?;
+            }
+            let waited = shared.device.queue_wait_idle(*shared.queue());
+            shared.waited(waited).map_err(during("vkQueueWaitIdle"))
         }
     }
 
@@ -350,11 +362,12 @@ fn region(blit: &Blit, extent: vk::Extent2D) -> Option<(vk::ImageBlit, bool)> {
 
 impl Drop for Screen {
     fn drop(&mut self) {
+        if !self.gpu.0.may_free() {
+            return;
+        }
         if let Err(error) = self.wait() {
-            let Error::Vulkan { result: vk::Result::ERROR_DEVICE_LOST, .. } = error else {
-                tracing::error!("{error}");
-                return;
-            };
+            tracing::error!("{error}");
+            return;
         }
         self.swapchain = None;
         let device = &self.gpu.0.device;

@@ -12,7 +12,7 @@ use super::{
 use crate::Result;
 
 /// How long one submission may take before it is given up, nanoseconds. A CPU device traces for minutes.
-const TIMEOUT_NS: u64 = 600_000_000_000;
+pub(super) const TIMEOUT_NS: u64 = 600_000_000_000;
 
 /// The kinds of descriptors, in the order in which a [`Slot`] counts them.
 pub(super) const KINDS: [vk::DescriptorType; 4] = [
@@ -54,11 +54,6 @@ impl HeldSlot {
     pub(super) fn take(gpu: &Gpu) -> Result<Self> {
         Ok(Self { gpu: gpu.clone(), slot: Some(gpu.0.take_slot()?) })
     }
-
-    /// Never gives the slot back, because the device may still use it.
-    pub(super) fn abandon(mut self) {
-        std::mem::forget(self.slot.take());
-    }
 }
 
 impl Deref for HeldSlot {
@@ -83,7 +78,7 @@ impl DerefMut for HeldSlot {
 
 impl Drop for HeldSlot {
     fn drop(&mut self) {
-        if let Some(mut slot) = self.slot.take() {
+        if let Some(mut slot) = self.slot.take().filter(|_| self.gpu.0.may_free()) {
             slot.clear_staging(&self.gpu.0);
             self.gpu.0.return_slot(slot);
         }
@@ -133,6 +128,9 @@ impl Slot {
     /// The device does not use the slot any more.
     pub(super) unsafe fn destroy(self, shared: &Shared) {
         self.staging.into_iter().for_each(|staging| staging.destroy(shared));
+        if !shared.may_free() {
+            return;
+        }
         let device = &shared.device;
         // SAFETY: the caller's promise. Null handles are ignored.
         unsafe {
@@ -176,7 +174,7 @@ impl Slot {
     /// Waits until the device has done what was submitted.
     pub(super) fn wait(&self, shared: &Shared) -> std::result::Result<(), vk::Result> {
         // SAFETY: the fence belongs to this device and to a submission.
-        unsafe { shared.device.wait_for_fences(&[self.fence], true, TIMEOUT_NS) }
+        shared.waited(unsafe { shared.device.wait_for_fences(&[self.fence], true, TIMEOUT_NS) })
     }
 
     /// Copies `bytes` to staging memory. Returns the buffer and the offset in it.

@@ -105,8 +105,10 @@ impl Surface {
 
 impl Drop for Surface {
     fn drop(&mut self) {
-        // SAFETY: the surface's swapchain is gone.
-        unsafe { self.functions.destroy_surface(self.handle, None) };
+        if self.gpu.0.may_free() {
+            // SAFETY: the surface's swapchain is gone.
+            unsafe { self.functions.destroy_surface(self.handle, None) };
+        }
     }
 }
 
@@ -160,7 +162,8 @@ impl Swapchain {
         if old.is_some() {
             // Nothing else tells when the old images have been presented. This is rare: the window has changed.
             // SAFETY: the lock serialises the queue.
-            unsafe { shared.device.queue_wait_idle(*shared.queue()) }.map_err(during("vkQueueWaitIdle"))?;
+            let waited = unsafe { shared.device.queue_wait_idle(*shared.queue()) };
+            shared.waited(waited).map_err(during("vkQueueWaitIdle"))?;
         }
         // SAFETY: the surface is alive.
         let offered =
@@ -282,6 +285,9 @@ fn unusable<T>(result: vk::Result, call: &str) -> Result<Attempt<T>> {
 impl Drop for Swapchain {
     fn drop(&mut self) {
         let device = &self.gpu.0.device;
+        if !self.gpu.0.may_free() {
+            return;
+        }
         // SAFETY: whoever drops this has waited for what draws to its images and presents them.
         unsafe {
             for target in &self.targets {

@@ -47,10 +47,7 @@ impl Ticket {
                 let ended = slot.is_done(&gpu.0).then(Instant::now);
                 Ok(Self(State::Running { gpu: gpu.clone(), slot, commands, ended }))
             }
-            Err(result) => {
-                abandon(slot, commands);
-                Err(during("submitting a frame")(result))
-            }
+            Err(result) => Err(during("submitting a frame")(result)),
         }
     }
 
@@ -87,7 +84,6 @@ impl Ticket {
                             commands.iter().filter_map(Command::path).map(|path| path.join(" / ")).collect();
                         let names: Vec<&str> = names.iter().map(String::as_str).collect();
                         let place = timing::where_it_stopped(&names, &written);
-                        abandon(slot, commands);
                         Err(Error::Vulkan { during: format!("the frame stopped {place}"), result })
                     }
                 }
@@ -98,16 +94,14 @@ impl Ticket {
 
 impl Drop for Ticket {
     fn drop(&mut self) {
+        // Whoever could not be waited for once is not waited for again.
+        if matches!(&self.0, State::Running { gpu, .. } if !gpu.0.may_free()) {
+            return;
+        }
         if let Err(error) = self.finish() {
             tracing::error!("a frame that nobody waited for: {error}");
         }
     }
-}
-
-/// Never frees what the device may still be using.
-fn abandon(slot: HeldSlot, commands: Vec<Command>) {
-    slot.abandon();
-    std::mem::forget(commands);
 }
 
 /// Reads the timestamps, each with whether it was written. Never waits.

@@ -56,6 +56,10 @@ impl Staging {
 
     /// Frees the memory, which the device must not use any more.
     pub(super) fn destroy(self, shared: &Shared) {
+        if !shared.may_free() {
+            std::mem::forget(self.allocation);
+            return;
+        }
         // SAFETY: whoever holds the slot has waited for the device.
         unsafe { shared.device.destroy_buffer(self.handle, None) };
         shared.free(self.allocation);
@@ -151,8 +155,10 @@ impl Gpu {
                 Staging::new(shared, bytes)?
             }
         };
-        // If this fails, the device may still be using the memory, so it is not reused.
-        encode::immediate(shared, what, |commands| copy(commands, staging.handle))?;
+        if let Err(error) = encode::immediate(shared, what, |commands| copy(commands, staging.handle)) {
+            staging.destroy(shared);
+            return Err(error);
+        }
         let mapped = staging.allocation.mapped_slice().and_then(|mapped| mapped.get(..bytes as usize));
         let copied = mapped.map(<[u8]>::to_vec);
         if staging.bytes <= KEPT_STAGING {

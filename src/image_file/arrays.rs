@@ -5,7 +5,7 @@ use super::{
     color_space::ColorSpace,
     read::{MAX_PIXELS, Raster, Samples, check_size, one_line},
 };
-use crate::{Error, Result};
+use crate::{Error, Result, budget};
 use half::f16;
 use std::io::{Cursor, Read as _};
 use tiff::{
@@ -15,7 +15,8 @@ use tiff::{
 
 /// Decodes such a file; `None` if it is none.
 pub(super) fn decode(bytes: &[u8], subject: &str) -> Option<Result<Raster>> {
-    let damaged = |problem: String| Error::input(subject, format!("cannot be decoded: {problem}"), "write it again");
+    let damaged =
+        |problem: String| Error::input(subject, format!("cannot be decoded: {}", one_line(&problem)), "write it again");
     let array = match bytes {
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => npy(bytes),
         [b'P', b'K', 3, 4, ..] => npz(bytes),
@@ -60,7 +61,11 @@ fn shaped(shape: &[usize], samples: Samples) -> Decoded {
 
 /// Numbers of a type as NumPy names it, like `<f4`.
 fn numbers(bytes: &[u8], kind: &str, count: usize) -> std::result::Result<Samples, String> {
-    let (order, kind) = kind.split_at(kind.len().min(1));
+    if let Some(problem) = budget::refusal((count as u64).saturating_mul(24)) {
+        return Err(problem);
+    }
+    // What is no letter is no order of bytes.
+    let (order, kind) = kind.split_at_checked(1).unwrap_or(("", kind));
     let size: usize = kind.get(1..).and_then(|size| size.parse().ok()).unwrap_or(0);
     let total = count.checked_mul(size).filter(|total| *total <= bytes.len() && size > 0);
     let Some(total) = total else {
@@ -132,7 +137,11 @@ fn npz(bytes: &[u8]) -> Decoded {
         // A claim about the size is not believed.
         let file = archive.by_name(name).map_err(words)?;
         let mut content = Vec::new();
-        file.take(1 << 32).read_to_end(&mut content).map_err(|error| one_line(&error))?;
+        let most = budget::limit() / 3;
+        file.take(most).read_to_end(&mut content).map_err(|error| one_line(&error))?;
+        if content.len() as u64 == most {
+            return Err(budget::refusal(u64::MAX).unwrap_or_default());
+        }
         npy(&content)
     };
     let is_depth =
@@ -188,7 +197,9 @@ fn deep_tiff(bytes: &[u8]) -> Option<Decoded> {
     let (Ok(ColorType::Gray(32 | 64)), Ok((width, height))) = (decoder.colortype(), decoder.dimensions()) else {
         return None;
     };
-    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+    if u64::from(width) * u64::from(height) > MAX_PIXELS
+        || budget::refusal(u64::from(width) * u64::from(height) * 24).is_some()
+    {
         return Some(Err(format!("says it has {width}x{height} pixels")));
     }
     let values = decoder.read_image().map_err(|error| one_line(&error)).and_then(|read| match read {
@@ -270,6 +281,9 @@ mod tests {
             b"Pf\n0 0\n-1\n".to_vec(),
             b"PIEH\xff\xff\xff\xff\xff\xff\xff\xff".to_vec(),
             b"PK\x03\x04".to_vec(),
+            npy_file("\u{e9}f4", "(1, 1)", &[0; 8]),
+            npy_file("<f4\n\r", "(1, 1)", &[0; 8]),
+            npy_file("<f4", "(4294967296, 4294967295)", &[0; 8]),
         ] {
             let line = read(&bytes).expect_err("refused");
             assert!(line.starts_with("f: ") && !line.contains('\n'), "{line}");

@@ -6,7 +6,7 @@ use super::{
     placement::Placement,
     read::{CodeImage, ColorImage, MAX_PIXELS, check_size, one_line},
 };
-use crate::{Error, Result};
+use crate::{Error, Result, budget};
 use exr::prelude::{
     FlatSamples, Image as ExrImage, MetaData, ReadChannels as _, ReadLayers as _, WritableImage as _, f16, read,
 };
@@ -48,6 +48,9 @@ pub struct Exr {
     pub notes: Vec<String>,
 }
 
+/// No compression of the format makes more bytes of one than deflate does.
+const MOST_COMPRESSION: u64 = 1100;
+
 /// Decodes all layers. Channels called `layer.channel` become layers of their own, as do the parts of a
 /// multi-part file.
 pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Exr> {
@@ -55,18 +58,24 @@ pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Exr> {
         Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
     };
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
-    let mut values = 0_u64;
+    let (mut values, mut stored) = (0_u64, 0_u64);
     for header in &meta.headers {
         let [width, height] =
             [header.layer_size.x(), header.layer_size.y()].map(|side| u32::try_from(side).unwrap_or(u32::MAX));
         check_size([width, height], subject)?;
         values += u64::from(width) * u64::from(height) * header.channels.list.len() as u64;
+        stored += u64::from(width) * u64::from(height) * header.channels.bytes_per_pixel as u64;
     }
     // Every scan-line block, of 256 lines at most, has an entry in the file.
     let blocks: usize = meta.headers.iter().map(|header| header.chunk_count).sum();
-    if values > MAX_PIXELS * 8 || blocks > bytes.len() / 8 {
+    let beyond = stored > bytes.len() as u64 * MOST_COMPRESSION + (1 << 20);
+    if values > MAX_PIXELS * 8 || blocks > bytes.len() / 8 || beyond {
         return Err(Error::input(subject, "says it holds more than the file can", "write it again"));
     }
+    // Values as they are stored and as floats, and the colours that are made of them.
+    let area = |size: exr::math::Vec2<usize>| (size.x() as u64).saturating_mul(size.y() as u64);
+    let window = meta.headers.iter().map(|header| area(header.shared_attributes.display_window.size)).max();
+    budget::ask(subject, stored + 4 * values + 16 * window.unwrap_or(0).min(MAX_PIXELS))?;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
@@ -156,7 +165,7 @@ pub(super) fn codes(mut exr: Exr, wanted: Option<&str>, subject: &str) -> Result
 
 /// Encodes layers of one size as single-part float EXR, losslessly compressed. Channels of named layers are
 /// called `layer.channel`, which every viewer understands.
-pub(super) fn encode(layers: &[ExrLayer], out: &mut (impl Write + Seek)) -> Result<()> {
+pub(super) fn encode(layers: &[ExrLayer], subject: &str, out: &mut (impl Write + Seek)) -> Result<()> {
     use exr::prelude::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, Layer, LayerAttributes, LineOrder};
     let internal = |problem: String| Error::Internal(format!("writing EXR: {problem}"));
     let Some(size) = layers.first().map(|layer| layer.size) else {
@@ -178,7 +187,10 @@ pub(super) fn encode(layers: &[ExrLayer], out: &mut (impl Write + Seek)) -> Resu
     let size = (size[0] as usize, size[1] as usize);
     let layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
     ExrImage::from_layer(layer).write().to_buffered(out).map_err(|error| match error {
-        exr::error::Error::Io(error) => Error::input("output", super::read::plain_io(&error), "free some space"),
+        exr::error::Error::Io(error) => {
+            let problem = format!("cannot be written: {}", super::read::plain_io(&error));
+            Error::input(subject, problem, "free some space")
+        }
         other => internal(one_line(&other)),
     })
 }

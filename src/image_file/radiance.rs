@@ -5,7 +5,7 @@ use super::{
     color_space::{ColorSpace, Primaries, xyz_to_rec709},
     read::{Raster, Samples, check_size, one_line},
 };
-use crate::{Error, Result};
+use crate::{Error, Result, budget};
 use glam::{Mat3, Vec3};
 use image::{DynamicImage, codecs::hdr::HdrDecoder};
 use std::io::{Cursor, Read as _};
@@ -37,6 +37,7 @@ pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Raster> {
         return Err(damaged("its resolution has no X and Y".into()));
     }
     check_size([columns, rows], subject)?;
+    budget::ask(subject, u64::from(columns) * u64::from(rows) * (12 + 12 + 16))?;
     let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {columns}\n");
     let reader = Cursor::new(plain.as_bytes()).chain(Cursor::new(&bytes[header.start..]));
     let decoder = HdrDecoder::new(std::io::BufReader::new(reader)).map_err(|error| damaged(one_line(&error)))?;

@@ -7,7 +7,7 @@ use super::{
     layers::Taken,
     placement, png_chunks, radiance,
 };
-use crate::{Error, Result};
+use crate::{Error, Result, budget};
 use glam::Vec3;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, metadata::Orientation};
 use std::{io::Cursor, path::Path};
@@ -72,19 +72,18 @@ pub struct CodeImage {
     pub notes: Vec<String>,
 }
 
-/// Reads a whole regular file of at most 4 GiB.
+/// Reads a whole regular file.
 ///
 /// # Errors
-/// Fails if the file cannot be read, is no regular file, or is larger. The error names it.
+/// Fails if the file cannot be read, is no regular file, or takes more memory than is allowed. The error names
+/// it.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     let fail = |problem: String| Error::input(path.display(), problem, "check the file's name and permissions");
     let metadata = std::fs::metadata(path).map_err(|error| fail(plain_io(&error)))?;
     if !metadata.is_file() {
         return Err(fail("is not a regular file".into()));
     }
-    if metadata.len() > 1 << 32 {
-        return Err(fail("is larger than 4 GiB".into()));
-    }
+    budget::ask(&path.display().to_string(), metadata.len())?;
     std::fs::read(path).map_err(|error| fail(plain_io(&error)))
 }
 
@@ -161,6 +160,9 @@ fn decode_raster(bytes: &[u8], format: ImageFormat, subject: &str) -> Result<Ras
     let mut decoder = reader.into_decoder().map_err(damaged)?;
     let (width, height) = decoder.dimensions();
     check_size([width, height], subject)?;
+    // What is decoded, and then colours or codes made of it.
+    let pixel = u64::from(decoder.color_type().bytes_per_pixel()) + 16;
+    budget::ask(subject, u64::from(width) * u64::from(height) * pixel)?;
     // What is said beside the pixels is not worth refusing a picture for.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let profile = decoder.icc_profile().ok().flatten();

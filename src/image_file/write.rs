@@ -5,7 +5,7 @@ use super::{
     exr_file::{self, ExrLayer},
     read::plain_io,
 };
-use crate::{Error, Result, image_file::srgb::linear_to_srgb};
+use crate::{Error, Result, image_file::srgb::linear_to_srgb, temporary::Temporary};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::{
     fs::File,
@@ -29,17 +29,12 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>
         return Err(Error::input(path.display(), "is a folder", "give a file name"));
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".iprt-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666)); // As for any new file, the umask applies.
-    let mut file = builder.tempfile_in(folder).map_err(|error| fail(&error))?;
-    let mut writer = BufWriter::new(file.as_file_mut());
+    let mut file = Temporary::new(folder).map_err(|error| fail(&error))?;
+    let mut writer = BufWriter::new(file.file().map_err(|error| fail(&error))?);
     fill(&mut writer)?;
     writer.flush().map_err(|error| fail(&error))?;
     drop(writer);
-    file.persist(path).map_err(|error| fail(&error.error))?;
-    Ok(())
+    file.keep(path).map_err(|error| fail(&error))
 }
 
 /// Writes bytes.
@@ -116,5 +111,5 @@ pub fn write_png(path: &Path, size: [u32; 2], codes: &[u8], channels: usize) -> 
 /// # Errors
 /// Fails if the folder or file cannot be written.
 pub fn write_exr(path: &Path, layers: &[ExrLayer]) -> Result<()> {
-    write_atomically(path, |out| exr_file::encode(layers, out))
+    write_atomically(path, |out| exr_file::encode(layers, &path.display().to_string(), out))
 }

@@ -5,6 +5,7 @@ pub mod object;
 pub mod sheet;
 
 use crate::{
+    options::RenderOptions,
     panorama::{
         clipped::ClippedLamp,
         cloud::Cloud,
@@ -12,12 +13,14 @@ use crate::{
         room::{self, Level},
         source::{DepthSource, PanoramaFrame},
     },
-    scene::Scene,
+    plan::Plan,
+    scene::{Scene, load::Examined},
+    terminal::plain,
 };
 use glam::Vec3;
 use object::ObjectFacts;
 use serde::Serialize;
-use std::fmt::Write as _;
+use std::{fmt::Write as _, path::Path};
 
 /// What a scene measures at its start.
 #[derive(Clone, Debug, Serialize)]
@@ -58,6 +61,17 @@ pub struct DepthFacts {
     pub metres: Option<[f32; 3]>,
     /// The share of the sphere without depth.
     pub holes: f32,
+}
+
+/// Reads all that a scene file names, and finds every problem that rendering would have before it asks the
+/// device.
+pub fn examine(path: &Path) -> Examined {
+    let mut examined = Scene::examine(path);
+    if let Some(scene) = examined.scene.as_ref().filter(|_| examined.problems.is_empty()) {
+        let planned = RenderOptions::of(scene).and_then(|options| Plan::of(scene, &options, None));
+        examined.problems.extend(planned.err());
+    }
+    examined
 }
 
 impl Report {
@@ -152,7 +166,7 @@ impl Report {
                 (Some(gap), _) => format!("{} over the surface below it", metres(gap)),
                 (None, _) => "over nothing that was seen".to_owned(),
             };
-            let _ = writeln!(out, "object   {}: {size}, {stands}", object.name);
+            let _ = writeln!(out, "object   {}: {size}, {stands}", plain(&object.name));
         }
         out
     }

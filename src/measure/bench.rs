@@ -241,6 +241,10 @@ impl BenchReport {
         let mut out = "pass,median_ms,p95_ms,min_ms,max_ms,off\n".to_owned();
         for p in &self.passes {
             let off = p.off.as_deref().unwrap_or("").replace('"', "'");
+            if p.off.is_some() {
+                let _ = writeln!(out, "{},,,,,\"{off}\"", p.name);
+                continue;
+            }
             let _ = writeln!(
                 out,
                 "{},{:.4},{:.4},{:.4},{:.4},\"{off}\"",

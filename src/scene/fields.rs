@@ -1,7 +1,7 @@
 //! Reads a TOML table strictly. Every key is asked for by name and type. Everything that is wrong is
 //! collected, so that one look at a file reports it all.
 
-use crate::Error;
+use crate::{Error, terminal};
 use std::{
     cell::RefCell,
     path::{Path, PathBuf},
@@ -65,6 +65,11 @@ impl<'a> FieldTable<'a> {
         format!("{}: {}", self.report.file.display(), self.path(key))
     }
 
+    /// Reports a problem that says what it is about.
+    pub fn report(&self, problem: Error) {
+        self.report.problems.borrow_mut().push(problem);
+    }
+
     /// Reports a problem of `key`.
     pub fn complain(&self, key: &str, problem: impl ToString, remedy: impl ToString) {
         self.report.add(&self.path(key), problem, remedy);
@@ -81,13 +86,20 @@ impl<'a> FieldTable<'a> {
     }
 
     fn wrong_type(&self, key: &str, expected: &str, found: &Value, example: &str) {
+        let beyond = |value: &Value| as_number(value).filter(|number| !is_held(*number));
+        let within = found.as_array().into_iter().flatten().find_map(beyond);
+        if let Some(number) = beyond(found).or(within) {
+            let remedy = format!("give 0, or a number whose size is from {:e} to {:e}", HELD.start(), HELD.end());
+            self.complain(key, format!("{number:e} is out of range"), remedy);
+            return;
+        }
         self.complain(key, format!("expected {expected}, found {}", kind(found)), format!("write {key} = {example}"));
     }
 
-    /// Reads a finite number, integer or float.
+    /// Reads a number, integer or float, that single precision [holds](HELD).
     pub fn number(&self, key: &str) -> Option<f64> {
         let value = self.value(key)?;
-        let number = as_number(value);
+        let number = as_number(value).filter(|number| is_held(*number));
         if number.is_none() {
             self.wrong_type(key, "a finite number", value, "1.0");
         }
@@ -123,10 +135,11 @@ impl<'a> FieldTable<'a> {
         found
     }
 
-    /// Reads an array of `N` finite numbers.
+    /// Reads an array of `N` numbers that single precision [holds](HELD).
     pub fn vector<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
         let value = self.value(key)?;
-        let numbers = as_numbers(value).and_then(|numbers| numbers.try_into().ok());
+        let held = |numbers: &Vec<f64>| numbers.iter().all(|number| is_held(*number));
+        let numbers = as_numbers(value).filter(held).and_then(|numbers| numbers.try_into().ok());
         if numbers.is_none() {
             let example = format!("[{}]", ["0"; N].join(", "));
             self.wrong_type(key, &format!("an array of {N} finite numbers"), value, &example);
@@ -134,12 +147,22 @@ impl<'a> FieldTable<'a> {
         numbers
     }
 
-    /// Reads an array of any number of finite numbers.
+    /// Reads an array of any number of finite numbers that single precision [holds](HELD).
     pub fn numbers(&self, key: &str) -> Option<Vec<f64>> {
+        let value = self.value(key)?;
+        let numbers = as_numbers(value).filter(|numbers| numbers.iter().all(|number| is_held(*number)));
+        if numbers.is_none() {
+            self.wrong_type(key, "an array of finite numbers", value, "[0]");
+        }
+        numbers
+    }
+
+    /// Reads an array of numbers of any size, which are compared in double precision.
+    pub fn codes(&self, key: &str) -> Option<Vec<f64>> {
         let value = self.value(key)?;
         let numbers = as_numbers(value);
         if numbers.is_none() {
-            self.wrong_type(key, "an array of finite numbers", value, "[0]");
+            self.complain(key, format!("expected an array of finite numbers, found {}", kind(value)), "write [0]");
         }
         numbers
     }
@@ -165,7 +188,14 @@ impl<'a> FieldTable<'a> {
             return None;
         }
         match expand(text, |name| std::env::var(name).ok()) {
-            Ok(path) => Some(self.report.folder().join(path)),
+            Ok(path) => {
+                let path = self.report.folder().join(path);
+                if let Some(value) = text.contains('$').then(|| path.to_str()).flatten() {
+                    let end = |text: &str| text.find(['%', '#']).unwrap_or(text.len());
+                    terminal::hide(&value[..end(value)], &text[..end(text)]);
+                }
+                Some(path)
+            }
             Err(name) => {
                 self.complain(
                     key,
@@ -209,6 +239,14 @@ impl<'a> FieldTable<'a> {
         }
         tables
     }
+}
+
+/// The sizes of numbers that the renderer computes with: squares and cubes of them are finite, and none
+/// becomes 0.
+const HELD: std::ops::RangeInclusive<f64> = 1e-30..=1e12;
+
+fn is_held(number: f64) -> bool {
+    number == 0.0 || HELD.contains(&number.abs())
 }
 
 /// Asks "did you mean …", or lists all known words if none is near.

@@ -9,7 +9,12 @@ use super::{
     placing::{Place, read_place},
     shapes::Shape,
 };
-use crate::{Error, image_file::read, panorama::source::PanoramaSpec};
+use crate::{
+    Error,
+    image_file::read,
+    panorama::source::PanoramaSpec,
+    settings::{Method, Settings},
+};
 use glam::{Quat, Vec3};
 use std::{
     collections::BTreeMap,
@@ -375,9 +380,19 @@ fn read_render(fields: &FieldTable) -> RenderSettings {
             BTreeMap::new()
         }
     };
-    RenderSettings {
+    let render = RenderSettings {
         method: fields.string("method").map_or(default.method, str::to_owned),
         exposure: fields.number_in("exposure", "above 0", |v| v > 0.0).unwrap_or(1.0) as f32,
         set,
+    };
+    match Method::parse(&render.method, &fields.subject("method")) {
+        Ok(method) => {
+            let mut settings = Settings::of(method);
+            for (key, text) in render.set_text() {
+                let _ = settings.set(&key, &text, &fields.subject("set")).map_err(|problem| fields.report(problem));
+            }
+        }
+        Err(problem) => fields.report(problem),
     }
+    render
 }

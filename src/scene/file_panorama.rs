@@ -71,7 +71,7 @@ pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> 
         encoding,
         scale: fields.number_in("scale", "other than 0", |v| v != 0.0).unwrap_or(1.0),
         offset: fields.number("offset").unwrap_or(0.0),
-        invalid: fields.numbers("invalid").unwrap_or_else(|| vec![0.0]),
+        invalid: fields.codes("invalid").unwrap_or_else(|| vec![0.0]),
     };
     let angle = |key: &str| fields.number_in(key, "from -180 to 180", |v| v.abs() <= 180.0).unwrap_or(0.0) as f32;
     let inverse_tonemap = fields.number_in("inverse_tonemap", "from 1 to 1e6", |v| (1.0..=1e6).contains(&v));

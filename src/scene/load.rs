@@ -218,31 +218,23 @@ fn assemble(
 struct Loader<'a> {
     scene: &'a Path,
     models: HashMap<PathBuf, Arc<Model>>,
+    /// By source and material.
+    alike: HashMap<String, Arc<Model>>,
     warnings: Vec<String>,
 }
 
 impl<'a> Loader<'a> {
     fn new(scene: &'a Path) -> Self {
-        Self { scene, models: HashMap::new(), warnings: Vec::new() }
+        Self { scene, models: HashMap::new(), alike: HashMap::new(), warnings: Vec::new() }
     }
 
     fn object(&mut self, spec: &ObjectSpec) -> Result<Object> {
-        let mut model = match &spec.source {
-            ObjectSource::Gltf(path) if !path.exists() => {
-                return Err(missing(self.scene, &format!("object {}: gltf", spec.name), path));
-            }
-            ObjectSource::Gltf(path) => self.gltf(path)?,
-            ObjectSource::Shape(shape, size) => {
-                // Grey plastic serves better here than glTF's default, a white metal.
-                let material = Material::plain(&spec.name, Vec3::splat(0.8), 0.5);
-                Arc::new(Model { name: spec.name.clone(), ..Model::from_mesh(shape.mesh(*size), material) })
-            }
-        };
-        if let Some(change) = &spec.material {
-            let mut changed = (*model).clone();
-            change.apply(&mut changed.materials, &mut changed.textures);
-            model = Arc::new(changed);
+        if let ObjectSource::Gltf(path) = &spec.source
+            && !path.exists()
+        {
+            return Err(missing(self.scene, &format!("object {}: gltf", spec.name), path));
         }
+        let model = self.model(spec)?;
         let clips = &model.rig.clips;
         let clip = match spec.clip.as_deref() {
             Some("none") => None,
@@ -261,6 +253,29 @@ impl<'a> Loader<'a> {
             placing::fit(&mut object, side);
         }
         Ok(object)
+    }
+
+    /// Returns the model of an object. Objects that look the same share it.
+    fn model(&mut self, spec: &ObjectSpec) -> Result<Arc<Model>> {
+        let key = format!("{:?} {:?}", spec.source, spec.material);
+        if let Some(model) = self.alike.get(&key) {
+            return Ok(model.clone());
+        }
+        let mut model = match &spec.source {
+            ObjectSource::Gltf(path) => self.gltf(path)?,
+            ObjectSource::Shape(shape, size) => {
+                // Grey plastic serves better here than glTF's default, a white metal.
+                let material = Material::plain(&spec.name, Vec3::splat(0.8), 0.5);
+                Arc::new(Model { name: spec.name.clone(), ..Model::from_mesh(shape.mesh(*size), material) })
+            }
+        };
+        if let Some(change) = &spec.material {
+            let mut changed = (*model).clone();
+            change.apply(&mut changed.materials, &mut changed.textures);
+            model = Arc::new(changed);
+        }
+        self.alike.insert(key, model.clone());
+        Ok(model)
     }
 
     fn gltf(&mut self, path: &Path) -> Result<Arc<Model>> {

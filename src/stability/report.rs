@@ -27,6 +27,12 @@ pub struct Setup {
 }
 
 impl Row {
+    /// Returns the case with each method whose value is beyond the limit.
+    pub fn beyond(&self) -> Vec<String> {
+        let failing = self.results.iter().filter(|(_, outcome)| !self.passes(outcome));
+        failing.map(|(method, _)| format!("{} ({})", self.case.name, method.name())).collect()
+    }
+
     /// Says whether a method's value is within the limit.
     pub fn passes(&self, outcome: &Outcome) -> bool {
         outcome.value <= self.case.limit

@@ -119,6 +119,8 @@ struct App {
     modifiers: egui::Modifiers,
     /// Whether the script wants the surface to be lost.
     lose: bool,
+    /// Whether the user wants to leave.
+    closed: bool,
     waiting: Waiting,
 }
 
@@ -176,6 +178,7 @@ impl App {
             events: Vec::new(),
             modifiers: egui::Modifiers::NONE,
             lose: false,
+            closed: false,
             waiting: Waiting { since: Instant::now(), pictures: 0, frame: None, answers: None },
         })
     }
@@ -283,6 +286,7 @@ impl App {
                 WindowRequest::Screenshot(path) => self.engine.order(Order::Screenshot { path, frames: 1 }),
                 #[cfg(debug_assertions)]
                 WindowRequest::Reload => self.engine.order(Order::Reload),
+                WindowRequest::Close => self.closed = true,
                 WindowRequest::FullScreen => {
                     if let Some(shell) = &self.window {
                         let full = shell.window.fullscreen().is_some();
@@ -312,7 +316,7 @@ impl App {
     }
 
     fn turn(&mut self, events: &ActiveEventLoop) -> Result<()> {
-        if self.play()? {
+        if self.play()? || self.closed {
             events.exit();
             return Ok(());
         }
@@ -375,7 +379,8 @@ impl ApplicationHandler<()> for App {
             let answer = shell.state.on_window_event(&shell.window, &event);
             app.dirty |= answer.repaint;
             match event {
-                WindowEvent::CloseRequested => events.exit(),
+                WindowEvent::CloseRequested if app.session.may_close() => events.exit(),
+                WindowEvent::CloseRequested => app.dirty = true,
                 WindowEvent::DroppedFile(path) => app.session.actions.push(WindowRequest::Load(path)),
                 WindowEvent::Resized(_) | WindowEvent::RedrawRequested | WindowEvent::Occluded(_) => app.dirty = true,
                 _ => {}

@@ -17,6 +17,7 @@ use glam::Vec3;
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
+    time::{Duration, Instant},
 };
 
 /// Where a scene comes from. It decides how the scene is saved.
@@ -56,9 +57,14 @@ pub struct Editor {
     fresh_step: bool,
     /// Where the scene comes from.
     pub origin: Origin,
-    /// Whether there is anything to save.
-    pub changed: bool,
+    /// The scene as it was opened or last saved.
+    saved: Arc<Scene>,
+    /// When the wheel was last turned, and in which frame, if nothing else was done since.
+    wheel: Option<(Instant, u64)>,
 }
+
+/// Turns of the wheel that follow each other faster are one gesture.
+const GESTURE: Duration = Duration::from_millis(600);
 
 /// The most steps that can be undone.
 const STEPS: usize = 200;
@@ -67,8 +73,9 @@ impl Editor {
     /// Makes an editor of a scene that was not changed yet.
     pub fn new(scene: Scene, origin: Origin) -> Self {
         let made = (0..scene.objects().count()).map(Made::Kept).collect();
-        let now = State { scene: Arc::new(scene), made, selected: None };
-        Self { now, before: Vec::new(), after: Vec::new(), fresh_step: true, origin, changed: false }
+        let scene = Arc::new(scene);
+        let now = State { scene: Arc::clone(&scene), made, selected: None };
+        Self { now, before: Vec::new(), after: Vec::new(), fresh_step: true, origin, saved: scene, wheel: None }
     }
 
     /// The scene as it is now.
@@ -108,7 +115,24 @@ impl Editor {
 
     /// Begins a step. All that follows until the next call is undone as one.
     pub fn begin_step(&mut self) {
-        self.fresh_step = true;
+        (self.fresh_step, self.wheel) = (true, None);
+    }
+
+    /// Begins a step with a turn of the wheel in this frame, unless it goes on with the last one.
+    pub fn begin_wheel(&mut self, now: Instant, frame: u64) {
+        let follows = |(last, number): (Instant, u64)| now.duration_since(last) < GESTURE || frame <= number + 1;
+        self.fresh_step |= !self.wheel.is_some_and(follows);
+        self.wheel = Some((now, frame));
+    }
+
+    /// Says whether there is anything to save.
+    pub fn changed(&self) -> bool {
+        !Arc::ptr_eq(&self.now.scene, &self.saved)
+    }
+
+    /// Takes the scene as it is for saved.
+    pub fn mark_saved(&mut self) {
+        self.saved = Arc::clone(&self.now.scene);
     }
 
     fn remember(&mut self) {
@@ -117,7 +141,6 @@ impl Editor {
             self.before.remove(0);
         }
         self.after.clear();
-        self.changed = true;
     }
 
     /// Puts an object where `to` says. Its motion goes along.
@@ -179,7 +202,7 @@ impl Editor {
     pub fn undo(&mut self) -> bool {
         let Some(state) = self.before.pop() else { return false };
         self.after.push(std::mem::replace(&mut self.now, state));
-        (self.fresh_step, self.changed) = (true, true);
+        self.begin_step();
         true
     }
 
@@ -187,7 +210,7 @@ impl Editor {
     pub fn redo(&mut self) -> bool {
         let Some(state) = self.after.pop() else { return false };
         self.before.push(std::mem::replace(&mut self.now, state));
-        (self.fresh_step, self.changed) = (true, true);
+        self.begin_step();
         true
     }
 }
@@ -202,7 +225,7 @@ pub fn load_object(path: &Path) -> Result<(Object, Made)> {
         return Err(Error::input(path.display(), "is neither .glb nor .gltf", "drop a glTF model"));
     }
     let (model, warnings) = gltf::load(path)?;
-    warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    crate::warnings::tell(&warnings);
     if model.meshes.is_empty() {
         return Err(Error::input(path.display(), "holds no triangles", "drop a glTF model that has some"));
     }

@@ -41,6 +41,9 @@ pub fn window(session: &mut Session, ui: &mut Ui) {
     if session.help {
         help(session, ui.ctx());
     }
+    if session.closing {
+        closing(session, ui.ctx());
+    }
 }
 
 fn panels(session: &mut Session, ui: &mut Ui) {
@@ -220,7 +223,7 @@ fn objects(session: &mut Session, ui: &mut Ui) {
     ui.horizontal(|ui| {
         ui.add(egui::TextEdit::singleline(&mut session.save_path).desired_width(180.0))
             .on_hover_text("a scene file; for a built-in room a folder");
-        let label = if session.editor.as_ref().is_some_and(|editor| editor.changed) { "save *" } else { "save" };
+        let label = if session.editor.as_ref().is_some_and(super::edit::Editor::changed) { "save *" } else { "save" };
         if ui.button(label).on_hover_text("objects, camera, method and settings (Ctrl+S)").clicked() {
             session.save(&PathBuf::from(session.save_path.clone()));
         }
@@ -349,6 +352,28 @@ fn outline(
             }
         }
     }
+}
+
+/// Asks what becomes of changes.
+fn closing(session: &mut Session, ctx: &egui::Context) {
+    let window = egui::Window::new("Not saved").collapsible(false).resizable(false);
+    window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).show(ctx, |ui| {
+        ui.label(format!("The scene was changed. Save it as {}?", session.save_path));
+        ui.horizontal(|ui| {
+            if ui.button("save and close").clicked() {
+                session.save(&PathBuf::from(session.save_path.clone()));
+                if !session.editor.as_ref().is_some_and(super::edit::Editor::changed) {
+                    session.actions.push(WindowRequest::Close);
+                }
+            }
+            if ui.button("close without saving").clicked() {
+                session.actions.push(WindowRequest::Close);
+            }
+            if ui.button("go on").clicked() || ui.input(|input| input.key_pressed(egui::Key::Escape)) {
+                session.closing = false;
+            }
+        });
+    });
 }
 
 fn help(session: &mut Session, ctx: &egui::Context) {

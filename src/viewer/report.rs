@@ -68,6 +68,8 @@ pub fn note(word: &str, session: &Session, window: [u32; 2]) -> Value {
         "picture": session.picture_size(),
         "selected": session.editor.as_ref().and_then(|editor| editor.selected()),
         "objects": objects,
+        "changed": session.editor.as_ref().is_some_and(super::edit::Editor::changed),
+        "closing": session.closing,
         "camera": camera,
         "frame": session.frame(),
         "playing": session.playing,

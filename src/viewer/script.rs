@@ -15,6 +15,7 @@ Lines of a script; `#` begins a comment, and after the last line the window clos
   drag B X,Y X,Y       presses, moves in eight frames, lifts
   wheel N              N notches, away from the hand
   size WxH             resizes the window
+  close                asks the window to close, as its button does
   lose                 takes the window's surface for lost, as a driver may say
   present MODE         when frames reach the screen: fifo, mailbox or immediate
   drop FILE            drops a file on it
@@ -44,6 +45,7 @@ pub enum Step {
     },
     Wheel(f32),
     Size([u32; 2]),
+    Close,
     Lose,
     Present(PresentMode),
     Drop(PathBuf),
@@ -160,6 +162,7 @@ fn line_steps(words: &[&str]) -> std::result::Result<Vec<Step>, &'static str> {
             let number = |text: &str| text.parse::<u32>().map_err(|_| "a size is WxH");
             vec![Step::Size([number(width)?, number(height)?])]
         }
+        ["close"] => vec![Step::Close],
         ["lose"] => vec![Step::Lose],
         ["present", name] => {
             let mode = PresentMode::ALL.into_iter().find(|mode| mode.name() == *name);

@@ -12,6 +12,7 @@ use crate::{
     gpu::{Blit, PresentMode, Timings},
     scene::{Object, Scene, camera::Camera},
     settings::Method,
+    warnings,
 };
 use std::{
     path::{Path, PathBuf},
@@ -28,6 +29,8 @@ pub enum WindowRequest {
     Load(PathBuf),
     /// Enter or leave full screen.
     FullScreen,
+    /// Close the window, whatever was changed.
+    Close,
     /// Take up the shaders on disk.
     #[cfg(debug_assertions)]
     Reload,
@@ -91,6 +94,8 @@ pub struct Session {
     pub modes: Vec<PresentMode>,
     pub panels: bool,
     pub help: bool,
+    /// Whether the user is asked what becomes of changes before the window closes.
+    pub closing: bool,
     pub drag: Option<Drag>,
     /// Whether keys that move the camera are down.
     pub walking: bool,
@@ -140,6 +145,7 @@ impl Session {
             modes: Vec::new(),
             panels: true,
             help: false,
+            closing: false,
             drag: None,
             walking: false,
             messages: Vec::new(),
@@ -163,9 +169,7 @@ impl Session {
 
     /// Takes over a loaded scene.
     pub fn opened(&mut self, scene: Scene, origin: Origin, side: Side, exposure: f32) {
-        for warning in &scene.warnings {
-            tracing::warn!("{warning}");
-        }
+        warnings::tell(&scene.warnings);
         self.save_path = save::usual_place(&origin).display().to_string();
         self.sides[0] = side;
         self.exposure = exposure;
@@ -183,7 +187,7 @@ impl Session {
         if self.messages.iter().any(|message| message.text == text) {
             return;
         }
-        tracing::warn!("{text}");
+        warnings::remark(&text, &text);
         self.errors.push(text.clone());
         self.messages.push(Message { text, error: true, since: Instant::now() });
     }
@@ -403,10 +407,16 @@ impl Session {
         if let Some(path) = self.check(saved) {
             self.saved = Some(to.to_owned());
             if let Some(editor) = &mut self.editor {
-                editor.changed = false;
+                editor.mark_saved();
             }
             self.say(format!("{} written", path.display()));
         }
+    }
+
+    /// Says whether the window may close. If there is anything to save, the user is asked, once.
+    pub fn may_close(&mut self) -> bool {
+        let changed = self.editor.as_ref().is_some_and(Editor::changed);
+        std::mem::replace(&mut self.closing, changed) || !changed
     }
 
     /// Removes old messages.

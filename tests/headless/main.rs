@@ -5,8 +5,10 @@
 //! The tests of one file: `cargo nextest run renderer::` or `cargo test --test headless renderer::`.
 
 mod adding;
+mod agreement;
 mod bounces;
 mod bvh;
+mod caches;
 mod cases;
 mod chart;
 mod cli;
@@ -16,10 +18,12 @@ mod compare;
 mod converged;
 mod devices;
 mod docs;
+mod fault_cases;
 #[cfg(feature = "faults")]
 mod faults;
 mod folder;
 mod free_lamps;
+mod fuzz;
 mod gltf;
 mod gpu;
 mod identities;
@@ -42,11 +46,13 @@ mod shapes;
 mod stability;
 mod stored;
 mod target;
+mod terminal;
 mod tracer;
 mod truth;
 mod truth_cli;
 mod unseen;
 mod view;
+mod vulkan_faults;
 
 /// SPIR-V of `tests/glsl/*.comp`.
 mod shaders {

@@ -171,7 +171,7 @@ fn each_frame_of_a_sequence_is_checked() {
     let args = check::Args {
         scene: path.display().to_string(),
         output: None,
-        json: None,
+        json: iprt::cli::json::JsonArgs { json: None },
         strict: false,
         quiet: false,
         device: DeviceArgs { device: None, validation: false },

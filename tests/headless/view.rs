@@ -16,14 +16,14 @@ use std::{
 };
 
 /// An X server without a screen; what it would show is in a file. It ends with the test.
-struct Display {
+pub struct Display {
     server: Child,
-    name: String,
+    pub name: String,
     folder: Folder,
 }
 
 impl Display {
-    fn start() -> Self {
+    pub fn start() -> Self {
         let folder = Folder::empty();
         let mut server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir"])
@@ -211,6 +211,15 @@ fn a_session_looks_picks_drags_compares_and_steps() {
         settle 1
         note removed
         key ctrl+Z
+        note whole
+        hold ctrl+F9
+        move 80,60
+        wheel 2                # ×1.1 twice, as one step
+        wait 30
+        note wheeled
+        release ctrl+F9
+        key ctrl+Z
+        note unwheeled
         drag right 40,20 60,30 # the view
         wheel 2
         hold W
@@ -263,6 +272,11 @@ fn a_session_looks_picks_drags_compares_and_steps() {
     assert!((vector(&turned["scale"])[0] - 1.1).abs() < 1e-3, "{turned}");
     assert!((turned["rotation"][1].as_f64().expect("a number") - 7.5_f64.to_radians().sin()).abs() < 1e-3, "{turned}");
     assert_eq!(report.note("removed")["objects"], serde_json::json!([]));
+    let size = |word: &str| vector(&report.note(word)["objects"][0]["scale"])[0];
+    assert!((size("wheeled") / size("whole") - 1.21).abs() < 0.01, "{} of {}", size("wheeled"), size("whole"));
+    assert_eq!(size("unwheeled"), size("whole"), "one gesture is one step");
+    let changed = |word: &str| report.note(word)["changed"].as_bool().expect("yes or no");
+    assert!(!changed("start") && changed("dragged") && changed("undone") && changed("turned"));
 
     // the shadow goes where the ball goes: below it is darker than where it was
     let (before, after) = (picture(&folder.path("before.png")), picture(&folder.path("after.png")));
@@ -460,6 +474,29 @@ fn without_a_display_it_says_so() {
         assert_eq!(said.trim_end().lines().count(), 1, "{said}");
         for word in words {
             assert!(said.contains(word), "{arguments}: no \"{word}\" in {said}");
+        }
+    }
+}
+
+#[test]
+fn a_window_asks_before_changes_are_lost() {
+    let (folder, display) = (room(), Display::start());
+    // Nothing was changed, or all of it was taken back: it closes. Otherwise it asks, and only then closes.
+    for (script, asked) in [
+        ("settle 1\nclose\nnote never", None),
+        ("key P\nsettle 1\nclick left 80,75\nkey Equals\nkey ctrl+Z\nclose\nnote never", None),
+        (
+            "key P\nsettle 1\nclick left 80,75\nkey Equals\nclose\nwait 3\nnote asked\nkey Escape\nwait 3\nnote went_on\nclose\nclose\nnote never",
+            Some("asked"),
+        ),
+    ] {
+        let report = play(&folder, &display, script, "scene.toml");
+        let words: Vec<_> = report.0["notes"].as_array().expect("notes").iter().map(|n| n["note"].clone()).collect();
+        assert!(!words.contains(&"never".into()), "it closes: {words:?}");
+        if let Some(word) = asked {
+            assert_eq!(report.note(word)["closing"], true);
+            assert_eq!(report.note("went_on")["closing"], false);
+            assert_eq!(report.note("went_on")["changed"], true);
         }
     }
 }

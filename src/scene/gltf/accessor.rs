@@ -1,9 +1,10 @@
 //! Accessors are typed arrays in buffers. They are checked before anything is read or allocated.
 
 use super::{CONVERTERS, Fault, File, Read, fault, json::Json};
+use crate::budget;
 
-/// The most elements of an accessor without a buffer (all zero). Others are bounded by their buffer.
-const MAX_ZEROS: usize = 1 << 22;
+/// The most elements of all accessors without a buffer (all zero). Others are bounded by their buffer.
+const MAX_ZEROS: usize = 1 << 20;
 
 pub(super) struct Elements {
     bytes: Vec<u8>,
@@ -105,11 +106,21 @@ pub(super) fn elements(file: &File, index: usize, user: &str) -> Read<Elements> 
         return Err(fault(format!("{user}: has no type that can be read")));
     };
     let size = components * component.size();
+    // As they are stored, and as numbers.
+    let most = accessor.index("count").unwrap_or(0) as u64;
+    if let Some(problem) = budget::refusal(most.saturating_mul(size as u64 + 4 * components as u64)) {
+        return Err(Fault { problem: format!("{user}: {problem}"), remedy: budget::REMEDY.into() });
+    }
     let Some(count) = accessor.index("count") else { return Err(fault(format!("{user}: has no count"))) };
     let mut bytes = match accessor.index("bufferView") {
         Some(_) => gather(file, accessor, count, size, user)?,
-        None if count > MAX_ZEROS => return Err(fault(format!("{user}: says it has {count} elements"))),
-        None => vec![0; count * size],
+        None => {
+            file.zeros.set(file.zeros.get().saturating_add(count));
+            if file.zeros.get() > MAX_ZEROS {
+                return Err(fault(format!("{user}: says it has {count} elements, all zero")));
+            }
+            vec![0; count * size]
+        }
     };
     let sparse = accessor.get("sparse");
     if sparse.exists() {

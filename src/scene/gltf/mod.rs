@@ -132,6 +132,8 @@ struct File<'a> {
     warnings: RefCell<BTreeMap<String, (String, usize)>>,
     /// Vertices and triangle corners read so far.
     corners: Cell<usize>,
+    /// Elements of accessors without a buffer so far.
+    zeros: Cell<usize>,
 }
 
 const MAX_CORNERS: usize = 1 << 25;
@@ -152,6 +154,7 @@ impl<'a> File<'a> {
             buffers: root.list("buffers").map(|_| OnceCell::new()).collect(),
             warnings: RefCell::default(),
             corners: Cell::new(0),
+            zeros: Cell::new(0),
         };
         if version.is_none() {
             file.warn("asset", "has no version: 2.0 is taken");

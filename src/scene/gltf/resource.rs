@@ -1,9 +1,10 @@
 //! Reads buffers and images that a glTF file names: inside it, in data URIs, or in files beside it.
 
 use super::{Fault, File, Read, accessor, fault};
-use crate::{Error, image_file::read};
+use crate::{Error, budget, image_file::read};
 use base64::engine::{DecodePaddingMode, Engine as _, GeneralPurpose, GeneralPurposeConfig};
-use image::{ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, GenericImageView as _, ImageDecoder as _, ImageError, ImageFormat, ImageReader, Limits};
+use rayon::prelude::*;
 use std::{io::Cursor, path::PathBuf};
 
 /// Reads a buffer, which is at least as long as it says.
@@ -84,10 +85,47 @@ pub(super) fn image(file: &File, index: usize) -> Read<([u32; 2], Vec<[u8; 4]>)>
     limits.max_alloc = Some(1 << 31);
     let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
     reader.limits(limits);
-    let decoded = reader.decode().map_err(|error| damaged(read::one_line(&error)))?.into_rgba8();
+    let words = |error: ImageError| damaged(read::one_line(&error));
+    let decoder = reader.into_decoder().map_err(words)?;
+    let (width, height) = decoder.dimensions();
+    let pixel = u64::from(decoder.color_type().bytes_per_pixel()) + 4;
+    if let Some(problem) = budget::refusal(u64::from(width) * u64::from(height) * pixel) {
+        return Err(Fault { problem: format!("{name}: {problem}"), remedy: budget::REMEDY.into() });
+    }
+    let decoded = DynamicImage::from_decoder(decoder).map_err(words)?;
+    let mut shift = 0;
+    while (width as usize >> shift) * (height as usize >> shift) > LARGEST {
+        shift += 1;
+    }
+    if shift > 0 {
+        let (size, texels) = reduced(&decoded, shift);
+        file.warn(&name, &format!("{width}x{height} pixels are reduced to {}x{}", size[0], size[1]));
+        return Ok((size, texels));
+    }
+    let decoded = decoded.into_rgba8();
     let size = [decoded.width(), decoded.height()];
     if size.contains(&0) {
         return Err(damaged("it has no pixels".into()));
     }
-    Ok((size, decoded.pixels().map(|pixel| pixel.0).collect()))
+    Ok((size, decoded.into_raw().as_chunks::<4>().0.to_vec()))
+}
+
+/// The most texels of an image that is taken as it is. All textures together hold twice that.
+const LARGEST: usize = 1 << 24;
+
+/// Takes means over squares of `1 << shift` pixels, without holding the whole in another form.
+fn reduced(image: &DynamicImage, shift: u32) -> ([u32; 2], Vec<[u8; 4]>) {
+    let size = [(image.width() >> shift).max(1), (image.height() >> shift).max(1)];
+    let texel = |index: u32| {
+        let (x, y) = ((index % size[0]) << shift, (index / size[0]) << shift);
+        let (right, below) = ((x + (1 << shift)).min(image.width()), (y + (1 << shift)).min(image.height()));
+        let (mut sum, mut count) = ([0_u32; 4], 0);
+        for (column, row) in (y..below).flat_map(|row| (x..right).map(move |column| (column, row))) {
+            let pixel = image.get_pixel(column, row).0;
+            sum = std::array::from_fn(|c| sum[c] + u32::from(pixel[c]));
+            count += 1;
+        }
+        sum.map(|sum| ((sum + count / 2) / count.max(1)) as u8)
+    };
+    (size, (0..size[0] * size[1]).into_par_iter().map(texel).collect())
 }

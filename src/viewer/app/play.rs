@@ -102,6 +102,7 @@ impl App {
                 }
             }
             Step::Lose => self.lose = true,
+            Step::Close => self.closed |= self.session.may_close(),
             Step::Present(mode) => self.session.mode = mode,
             Step::Drop(path) => self.session.actions.push(WindowRequest::Load(path)),
             Step::Set { side, pair } => {

@@ -1,0 +1,171 @@
+//! Inputs that a program must survive (`cases/faults` of the real data, whose README says what is right), and others of
+//! their kinds: exit status 0 or 2, one line for each problem, and less than 2 GiB of memory.
+#![cfg(unix)]
+
+use crate::folder::Folder;
+use std::{
+    os::unix::process::ExitStatusExt,
+    path::{Path, PathBuf},
+    process::{ExitStatus, Stdio},
+};
+
+fn cases() -> PathBuf {
+    let root = std::env::var_os("IPRT_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let folder = root.join("cases/faults");
+    assert!(folder.is_dir(), "{}: there is no such folder; set IPRT_DATA", folder.display());
+    folder
+}
+
+/// What became of a run.
+struct Ran {
+    status: Option<i32>,
+    stderr: String,
+    /// The most memory that it held, bytes.
+    peak: u64,
+}
+
+#[allow(clippy::zombie_processes, reason = "wait4 waits for it, and says how much memory it took")]
+fn run(folder: &Folder, arguments: &[&str]) -> Ran {
+    let (file, mut usage, mut status) = (folder.path("stderr"), std::mem::MaybeUninit::<libc::rusage>::zeroed(), 0);
+    let mut command = folder.command();
+    let child = command
+        .args(arguments)
+        .stdout(Stdio::null())
+        .stderr(std::fs::File::create(&file).expect("writes"))
+        .spawn()
+        .expect("starts");
+    // SAFETY: the child is waited for here alone.
+    let usage = unsafe {
+        assert!(libc::wait4(child.id() as i32, &raw mut status, 0, usage.as_mut_ptr()) > 0);
+        usage.assume_init()
+    };
+    let stderr = std::fs::read_to_string(&file).expect("text");
+    assert!(!stderr.contains("panicked"), "iprt {arguments:?}: {stderr}");
+    Ran { status: ExitStatus::from_raw(status).code(), stderr, peak: usage.ru_maxrss as u64 * 1024 }
+}
+
+/// Checks and renders a scene. The answers are the same, and memory is left.
+fn survives(folder: &Folder, scene: &str, status: i32, words: &[&str]) {
+    let _ = std::fs::remove_file(folder.path("a.exr"));
+    for arguments in [&["check", scene][..], &["render", scene, "-o", "a.exr", "--size", "8x8", "--warmup", "0"]] {
+        let ran = run(folder, arguments);
+        let what = format!("iprt {arguments:?}, {} MiB: {}", ran.peak >> 20, ran.stderr);
+        assert_eq!(ran.status, Some(status), "{what}");
+        assert!(ran.peak < 2 << 30, "{what}");
+        assert!(words.iter().all(|word| ran.stderr.contains(word)), "{words:?}: {what}");
+        assert!(!ran.stderr.chars().any(|c| c.is_control() && c != '\n'), "{what}");
+        if status == 0 {
+            let picture = folder.path("a.exr");
+            if arguments[0] == "render" {
+                let image =
+                    iprt::image_file::read::read(&picture).expect("an EXR").into_color("a.exr").expect("colour");
+                assert!(image.texels.iter().flatten().all(|value| value.is_finite()), "{what}");
+            }
+        } else {
+            assert!(!folder.path("a.exr").exists(), "{what}");
+            let lines = ran.stderr.lines().filter(|line| !line.starts_with("warning: "));
+            assert!(
+                lines.clone().count() > 0 && lines.clone().all(|l| l.starts_with("iprt: ") || l.starts_with("error: ")),
+                "{what}"
+            );
+        }
+    }
+}
+
+#[test]
+fn every_fault_case_is_survived() {
+    let (folder, cases) = (Folder::empty(), cases());
+    for (name, status, words) in [
+        ("plain", 0, &[][..]),
+        ("exr_claims", 2, &["exr_claims.exr"]),
+        ("name_escape", 2, &["object[0].scale", "out of range"]),
+        ("set_unknown", 2, &["nonsense"]),
+        ("textures_huge", 0, &["reduced"]),
+        ("yaw_1e300", 2, &["panorama.yaw", "1e300"]),
+        ("thousand_spheres", 0, &[]),
+    ] {
+        let scene = cases.join(format!("{name}.toml"));
+        survives(&folder, scene.to_str().expect("text"), status, words);
+    }
+    let known = ["plain", "exr_claims", "name_escape", "set_unknown", "textures_huge", "yaw_1e300", "thousand_spheres"];
+    for entry in cases.read_dir().expect("readable").filter_map(Result::ok) {
+        let path = entry.path();
+        let stem = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
+        assert!(path.extension().is_none_or(|e| e != "toml") || known.contains(&stem), "{stem} is not tried");
+    }
+}
+
+/// A deflated PNG of one bit a pixel, all of them 0.
+fn flat_png(path: &Path, width: u32, height: u32) {
+    let file = std::fs::File::create(path).expect("writes");
+    let mut encoder = png::Encoder::new(std::io::BufWriter::new(file), width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::One);
+    let mut writer = encoder.write_header().expect("a header");
+    writer.write_image_data(&vec![0; width.div_ceil(8) as usize * height as usize]).expect("pixels");
+}
+
+#[test]
+fn memory_is_asked_for_before_it_is_taken() {
+    let folder = Folder::empty();
+    flat_png(&folder.path("wide.png"), 16384, 8192);
+    folder.write("wide.toml", "[panorama]\ncolor = \"wide.png\"\ndepth = 3\n");
+    for arguments in [
+        &["--memory", "1G", "check", "wide.toml"][..],
+        &["render", "wide.toml", "-o", "a.png", "--memory=1G"],
+        &["compare", "wide.png", "wide.png", "--memory", "1G"],
+        &["new", "wide.png", "-o", "new.toml", "--memory", "1G"],
+    ] {
+        let ran = run(&folder, arguments);
+        let what = format!("iprt {arguments:?}, {} MiB: {}", ran.peak >> 20, ran.stderr);
+        assert_eq!(ran.status, Some(2), "{what}");
+        assert!(ran.stderr.contains("wide.png: would take") && ran.stderr.contains("--memory"), "{what}");
+        assert!(ran.peak < 512 << 20 && ran.stderr.lines().count() == 1, "{what}");
+    }
+
+    // Accessors of zeros, which no byte of the file stands for.
+    let many = "{\"componentType\": 5126, \"type\": \"VEC3\", \"count\": 4000000}";
+    let accessors = [many; 24].join(",");
+    let targets: Vec<_> = (1..24).map(|index| format!("{{\"POSITION\": {index}}}")).collect();
+    let gltf = format!(
+        "{{\"asset\": {{\"version\": \"2.0\"}}, \"accessors\": [{accessors}], \"nodes\": [{{\"mesh\": 0}}], \"meshes\": \
+         [{{\"primitives\": [{{\"attributes\": {{\"POSITION\": 0}}, \"targets\": [{}]}}]}}]}}",
+        targets.join(",")
+    );
+    folder.write("zeros.gltf", &gltf);
+    image::RgbImage::new(16, 8).save(folder.path("room.png")).expect("writes");
+    folder.write("zeros.toml", "[panorama]\ncolor = \"room.png\"\ndepth = 3\n[[object]]\ngltf = \"zeros.gltf\"\n");
+    let ran = run(&folder, &["check", "zeros.toml"]);
+    assert!(
+        matches!(ran.status, Some(0 | 2)) && ran.peak < 700 << 20,
+        "{:?}, {} MiB: {}",
+        ran.status,
+        ran.peak >> 20,
+        ran.stderr
+    );
+}
+
+/// Many equal objects are one model.
+#[test]
+fn equal_objects_are_instances() {
+    let folder = Folder::empty();
+    image::RgbImage::from_pixel(32, 16, image::Rgb([90, 90, 90])).save(folder.path("room.png")).expect("writes");
+    let model = iprt::scene::model::Model::from_mesh(
+        iprt::scene::shapes::Shape::Sphere.mesh(glam::Vec3::splat(0.1)),
+        iprt::scene::material::Material::plain("grey", glam::Vec3::splat(0.5), 1.0),
+    );
+    std::fs::write(folder.path("ball.glb"), iprt::scene::gltf::export::to_glb(&model).expect("a model"))
+        .expect("writes");
+    let mut text = "[panorama]\ncolor = \"room.png\"\ndepth = 9\n".to_owned();
+    for index in 0..10_000 {
+        let (x, y) = (f64::from(index % 100) * 0.1 - 5.0, f64::from(index / 100) * 0.1 - 5.0);
+        text += &format!("[[object]]\ngltf = \"ball.glb\"\ntranslation = [{x:.2}, {y:.2}, -6]\n");
+    }
+    folder.write("many.toml", &text);
+    let scene = iprt::scene::Scene::load(&folder.path("many.toml")).expect("loads");
+    assert_eq!(scene.object_count(), 10_000);
+    let one = model.meshes[0].triangles.len();
+    assert!(scene.packed.triangles.len() <= one, "{} triangles", scene.packed.triangles.len());
+    survives(&folder, "many.toml", 0, &[]);
+}
