@@ -33,7 +33,7 @@ use crate::{
     scene::{
         Scene,
         movers::Movers,
-        packed::{Mover, PackedInstances, PackedScene},
+        packed::{Instance, Mover, NONE, PackedInstances, PackedScene},
         viewpoint::{Projection, Viewpoint},
     },
     settings::{ClampWhen, FOREVER, FilterOrder, INFINITE, Settings},
@@ -41,7 +41,10 @@ use crate::{
 use glam::{Quat, Vec3};
 use std::{
     collections::VecDeque,
-    sync::atomic::{AtomicU32, Ordering},
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
 };
 
 /// The six passes that the plan needs, with what they keep from frame to frame.
@@ -121,6 +124,8 @@ struct FrameState {
     content: Option<PanoramaFrame>,
     /// The instances, relative to the panorama's centre.
     instances: PackedInstances,
+    /// What does not change of them.
+    packed: Arc<PackedScene>,
     /// What of them has moved.
     movers: Vec<Mover>,
     /// Whether the light of the real scene is another than in the frame before.
@@ -128,6 +133,8 @@ struct FrameState {
     /// Whether the relit panorama is made again.
     relight: bool,
     viewpoint: Viewpoint,
+    /// The time whose poses are shown, seconds.
+    pose: f32,
 }
 
 impl FrameState {
@@ -135,7 +142,13 @@ impl FrameState {
     fn shown_in(&self, view: &View) -> [Shown; 2] {
         let viewpoint = (view.role == Role::Picture).then_some(self.viewpoint);
         let real = Shown { video_frame: self.video_frame, viewpoint, objects: Vec::new() };
-        let rows = || self.instances.instances.iter().map(|instance| instance.object_to_world).collect();
+        // What changes its shape is another thing at another time, which its place does not tell.
+        let shape = |instance: &Instance| if instance.previous == NONE { 0.0 } else { self.pose };
+        let row = |instance: &Instance| {
+            let [x, y, z] = instance.object_to_world;
+            [x, y, z, [shape(instance), 0.0, 0.0, 0.0]]
+        };
+        let rows = || self.instances.instances.iter().map(row).collect();
         let seen = if view.role == Role::Picture { rows() } else { Vec::new() };
         [real.clone(), Shown { objects: seen, ..real }]
     }
@@ -321,7 +334,7 @@ impl Renderer {
             if let Some(content) = &state.content {
                 self.panorama.upload(frame, content)?;
             }
-            self.scene.upload(frame, &state.instances, &state.movers)?;
+            self.scene.upload(frame, &state.packed, &state.instances, &state.movers)?;
             self.upload_views(frame, state)
         })
     }
@@ -475,6 +488,10 @@ impl Renderer {
         if self.options.without_objects || !self.plan.on(Part::Objects) {
             state.instances = PackedInstances::default();
         }
+        if !self.plan.on(Part::Deformation) {
+            state.instances.patches.clear();
+            state.instances.instances.iter_mut().for_each(|instance| (instance.previous, instance.step) = (NONE, 0.0));
+        }
         let (centre, unit) = (scene.panorama.position, self.plan.facts.luminance);
         let mut movers = self.movers.advance(&scene.packed, &mut state.instances.instances, centre, unit);
         if !self.plan.on(Part::Motion) || planted!(self, HistoryKept) {
@@ -484,7 +501,9 @@ impl Renderer {
         let viewpoint = viewpoint(&self.options, scene, &state.camera);
         let instances = relative_to(centre, state.instances);
         let relight = !wishes.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
-        let state = FrameState { video_frame, content, instances, movers, new_light, relight, viewpoint };
+        let pose = time as f32;
+        let packed = scene.packed.clone();
+        let state = FrameState { video_frame, content, instances, packed, movers, new_light, relight, viewpoint, pose };
         let maps = if relight { &mut self.relight[..] } else { &mut [] };
         for view in std::iter::once(&mut self.picture).chain(maps) {
             view.begin_frame(&state.shown_in(view));

@@ -13,7 +13,6 @@
 #include "panorama.glsl"
 #include "trace.glsl"
 #include "scene.glsl"
-#include "brdf.glsl"
 #include "guide.glsl"
 #include "gbuffer.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -27,18 +26,16 @@ void main() {
     RealPoint real;
     if (KEPT == 0u) real = real_surface(d);
     bool met = false;
+    float passes = 1.0; // of the light of what is real
     if (SHOWN != 0u) {
         bool changed = KEPT == 0u;
         if (VIRTUAL_SURFACES != 0u) {
-            SceneHit found = scene_trace(in_view.view.position, d, FAR);
-            met = inside && found.instance != NONE;
-            if (met && FAULT != FAULT_REAL_IGNORED) {
-                if (KEPT != 0u) {
-                    float t = imageLoad(position, ivec3(p, REAL)).w;
-                    real.t = t > 0.0 ? t : FAR;
-                }
-                met = found.t < real.t;
+            if (KEPT != 0u) {
+                float t = imageLoad(position, ivec3(p, REAL)).w;
+                real.t = t > 0.0 ? t : FAR;
             }
+            SceneHit found = primary_trace(d, real.t, passes);
+            met = inside && found.instance != NONE;
             // Few pixels show objects, and stores cost much: only what has changed is written.
             uvec4 had = inside ? imageLoad(hit, p) : uvec4(NONE, 0u, 0u, 0u);
             bool lost = had.x != NONE && !met;
@@ -53,7 +50,7 @@ void main() {
             vec3 radiance = KEPT != 0u ? imageLoad(camera_radiance, p).rgb : panorama_filtered(real.uv, pixel_angle());
             // From elsewhere, what was behind a lamp is seen beside it.
             if (KEPT == 0u && OFF_CENTRE != 0u && !real.lamp) radiance = without_lamps(panorama_direction(real.uv), radiance);
-            imageStore(camera_radiance, p, vec4(radiance, met ? 0.0 : 1.0));
+            imageStore(camera_radiance, p, vec4(radiance, met ? passes : 1.0));
         }
         if (LIT == 0u) return;
     }

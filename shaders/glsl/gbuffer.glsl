@@ -69,13 +69,47 @@ vec4 motion_of(vec2 pixel, vec3 previous_point, float id) {
     return vec4(motion, previous.z, id);
 }
 
-// The surface that a ray from the camera along d met.
-void write_virtual(ivec2 p, SceneHit met, vec3 d) {
+// Returns the first virtual surface that is there at all along a primary ray before `t_max`, and what share of the
+// light from behind passes all of them that lie before `t_max`.
+SceneHit primary_trace(vec3 d, float t_max, out float passes) {
+    if (FAULT == FAULT_REAL_IGNORED) t_max = FAR;
+    SceneHit first = SceneHit(FAR, NONE, NONE, vec2(0.0));
+    passes = 1.0;
+    if (ALPHA == 0u) {
+        SceneHit hit = scene_closest(in_view.view.position, d, 0.0, FAR);
+        if (hit.instance == NONE || hit.t >= t_max) return first;
+        passes = 0.0;
+        return hit;
+    }
+    float t_min = 0.0;
+    for (uint layer = 0u; layer < MOST_LAYERS; layer++) {
+        SceneHit hit = scene_closest(in_view.view.position, d, t_min, t_max);
+        if (hit.instance == NONE) break;
+        float alpha = hit_alpha(hit);
+        if (alpha > 0.0 && first.instance == NONE) first = hit;
+        passes *= 1.0 - alpha;
+        if (passes < 1.0 / 1024.0) { passes = 0.0; break; }
+        t_min = hit.t;
+    }
+    return first;
+}
+
+#ifdef WRITES_VIRTUAL
+// The surface that a ray from the camera along d met, in a pixel of which the share `opacity` is virtual.
+void write_virtual(ivec2 p, SceneHit met, vec3 d, float opacity) {
     Surface s = scene_surface(met, d, met.t * pixel_angle());
-    Lobes lobes = brdf_lobes(s, -d);
+    Lobes lobes = bsdf_lobes(s, -d);
+    if (ALPHA != 0u) s.emissive *= min(s.alpha / max(opacity, 1e-4), 1.0);
     vec3 previous = s.position;
     if (OBJECT_MOTION != 0u) {
         TriangleGeometry tri = triangle_geometry(met.triangle);
+        uint first = in_instances.instance[met.instance].previous;
+        if (DEFORMATION != 0u && first != NONE) {
+            uint item = (met.triangle - first) * 3u;
+            tri = TriangleGeometry(uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item)).xyz),
+                uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item + 1u)).xyz),
+                uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item + 2u)).xyz));
+        }
         vec3 point = tri.v0 + tri.e1 * met.barycentric.x + tri.e2 * met.barycentric.y;
         previous = transform_point(in_instances.instance[met.instance].previous_object_to_world, point);
     }
@@ -88,6 +122,7 @@ void write_virtual(ivec2 p, SceneHit met, vec3 d) {
     if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
     imageStore(guide, ivec3(p, NOW(VIRTUAL)), guide_pack(s.position, s.normal, s.roughness, guide_object(in_instances.instance[met.instance].id)));
 }
+#endif
 
 void write_no_virtual(ivec2 p) {
     imageStore(position, ivec3(p, VIRTUAL), vec4(0.0));

@@ -2,31 +2,38 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 3, irradiance: one path per traced surface (IPRT eq. 1, N = 1). Real surfaces get E_R, and ΔE = E_RV −
 // E_R from the same random numbers (W/m² up to the capture's scale). Virtual surfaces get E of the
-// Lambert lobe and the radiance of the GGX lobe. Rays see real surfaces relit, and virtual ones by paths of up
+// Lambert lobe and the radiance of all others. Rays see real surfaces relit, and virtual ones by paths of up
 // to `bounces` vertices.
-// In: list, or what aim left of it; position, normal, hit; panorama, scene, relit panorama. Out: irradiance (E_R and ΔE | E
-// and GGX radiance).
+// In: list, or what aim left of it; position, normal, hit, real_coverage; panorama, scene, relit panorama. Out: irradiance (E_R and ΔE | E
+// and the rest).
 #include "irradiance.glsl"
 layout(local_size_x = 64) in;
 
 void real_surface_light(ivec2 p) {
     Random random = random_begin(uvec2(p), uint(REAL));
     RealStart from = real_start(p);
-    Ray ray = real_ray(real_aim(p, from, random), from);
+    Aim aim = real_aim(p, from, random);
+    Ray ray = real_ray(aim, from);
+    // Light of the capture, and of the mixed scene.
     vec3 radiance = vec3(0.0), mixed = vec3(0.0);
-    if (ray.weight.x > 0.0) {
+    if (ray.weight.x > 0.0 || (EMITTERS != 0u && ray.density > 0.0)) {
         SceneHit hit = virtual_trace(from.off_virtual, ray.d, ray.real.t, random);
-        radiance = hit_radiance(ray.real);
-        mixed = incoming(from.off_virtual, ray, hit, random);
+        vec3 weight = mixed_weight(ray, aim, hit);
+        float factor = 1.0;
         if (ROULETTE != 0u && hit.instance == NONE) {
             float share = traced_share(p);
-            ray.weight = chosen(p, share) ? ray.weight / share : vec3(0.0);
+            factor = chosen(p, share) ? 1.0 / share : 0.0;
         }
+        radiance = (PI * factor) * ray.weight * hit_radiance(ray.real);
+        mixed = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, true, random);
     }
-    vec3 weight = PI * ray.weight;
-    if (FAULT == FAULT_ENERGY_CLAMP) weight *= min(1.0, 0.3 / max(luminance(weight * max(radiance, mixed)), 1e-20));
+    if (FAULT == FAULT_ENERGY_CLAMP) {
+        float least = min(1.0, 0.3 / max(luminance(max(radiance, mixed)), 1e-20));
+        radiance *= least;
+        mixed *= least;
+    }
     vec2 units = in_view.view.light_units;
-    imageStore(out_irradiance, ivec3(p, REAL), light_pack(Light(units.x * weight * radiance, units.y * weight * (mixed - radiance), vec2(0.0))));
+    imageStore(out_irradiance, ivec3(p, REAL), light_pack(Light(units.x * radiance, units.y * (mixed - radiance), vec2(0.0))));
 }
 
 void virtual_surface_light(ivec2 p) {
@@ -35,21 +42,42 @@ void virtual_surface_light(ivec2 p) {
     uvec4 id = imageLoad(in_hit, p);
     vec3 from_eye = (point.xyz - in_view.view.position) / point.w;
     Surface s = scene_surface(SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw)), from_eye, point.w * pixel_angle());
-    Lobes l = brdf_lobes(s, -from_eye);
-    bool specular = brdf_choose_specular(l, random);
+    Lobes l = bsdf_lobes(s, -from_eye);
     vec3 origin = surface_origin(s);
     vec3 numbers = first_numbers(p, uint(VIRTUAL));
-    Ray ray = trace(aim(origin, origin, s.normal, specular, s, l, -from_eye, numbers, random), origin, origin, s.normal, specular, s, l, -from_eye);
-    vec3 weight = ray.weight / (specular ? l.specular_probability : (1.0 - l.specular_probability) / PI);
-    if (dot(ray.d, s.geometric) <= 0.0) weight = vec3(0.0);
+    float choice = random_next(random);
+    // Of what is virtual in the pixel this surface is a part, if it is half transparent. What lies behind it is
+    // the rest, as far as it is virtual: M knows the real part.
+    float own = 1.0;
+    bool behind = false;
+    if (ALPHA != 0u && SPECULAR != 0u) {
+        own = min(s.alpha / max(1.0 - imageLoad(in_real_coverage, p).x, 1e-4), 1.0);
+        behind = choice >= own;
+        choice = behind ? (choice - own) / max(1.0 - own, 1e-6) : choice / own;
+        choice = min(choice, 0.99999994);
+    }
+    uint lobe = bsdf_choose(l, choice);
+    l.diffuse = vec3(1.0); // composite knows it
+    Aim drawn = aim(origin, origin, s, l, lobe, -from_eye, numbers, random);
+    if (behind) {
+        drawn.d = from_eye;
+        drawn.possible = drawn.sharp = true;
+        drawn.light = drawn.emitter = false;
+        drawn.sharp_weight = vec3(1.0);
+    }
+    if (TRANSMISSION != 0u || ALPHA != 0u) origin = surface_origin_along(s, drawn.d);
+    Ray ray = trace(drawn, origin, origin, s, l, lobe, -from_eye);
+    vec3 factor = vec3((lobe == DIFFUSE && !behind ? PI : 1.0) / (behind ? 1.0 : bsdf_probability(l, lobe)));
+    if (!behind && !bsdf_leaves(s, lobe, ray.d)) factor = vec3(0.0);
     vec3 radiance = vec3(0.0);
-    if (max(weight.r, max(weight.g, weight.b)) > 0.0) {
+    if (factor.x > 0.0 && (largest(ray.weight) > 0.0 || (EMITTERS != 0u && ray.density > 0.0))) {
         SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, random);
-        radiance = weight * incoming(origin, ray, hit, random);
+        vec3 weight = factor * mixed_weight(ray, drawn, hit);
+        if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, lobe == DIFFUSE && !behind, random);
     }
     if (FAULT == FAULT_ENERGY_CLAMP) radiance *= min(1.0, 0.3 / max(luminance(radiance), 1e-20));
     radiance *= in_view.view.light_units.y;
-    vec3 lambert = specular ? vec3(0.0) : radiance;
+    vec3 lambert = lobe != DIFFUSE || behind ? vec3(0.0) : radiance;
     imageStore(out_irradiance, ivec3(p, VIRTUAL), light_pack(Light(lambert, radiance - lambert, vec2(0.0))));
 }
 

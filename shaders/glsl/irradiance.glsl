@@ -5,7 +5,7 @@
 #include "panorama.glsl"
 #include "trace.glsl"
 #include "scene.glsl"
-#include "brdf.glsl"
+#include "bsdf.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
 #include "relit.glsl"
@@ -66,8 +66,10 @@ vec3 hit_relit(PanoramaHit hit) {
 // what the ray meets of the real scene.
 struct Ray {
     vec3 d;
-    vec3 weight;
+    vec3 weight;       // of what of the real scene it meets
     PanoramaHit real;
+    vec3 f;            // what the weight is made of
+    float density;
 };
 
 // Aims at a light: at a free lamp by what it sends here, or at one of the table. Returns false if the direction
@@ -130,21 +132,56 @@ float lights_density(vec3 x, vec3 near, vec3 normal, vec3 d, PanoramaHit hit) {
 // A direction that was drawn, and from what.
 struct Aim {
     vec3 d;
-    bool possible; // whether it is in front of the surface
+    bool possible; // whether the lobe can send it
     bool light;    // drawn from the lights
     bool far;      // that light is infinitely far
     vec3 target;   // where that light is
     uint kind;     // of a free lamp as a hit, or 0
-    bool mirror;
-    vec3 mirror_weight;
+    bool sharp;    // the lobe has no density
+    vec3 sharp_weight;
+    bool emitter;  // drawn from the emitters
+    uint instance; // of which it is this
+    uint triangle;
 };
+
+// The share of rays that aim at emitters, where there are any.
+const float EMITTER_SHARE = 0.35;
+float emitter_share(bool sharp) { return EMITTERS == 0u || sharp || in_emitters.count == 0u ? 0.0 : EMITTER_SHARE; }
+
+// Aims at a point of an emitter.
+void toward_emitter(vec3 x, float pick, vec2 u, inout Aim aim) {
+    uint low = 0u, high = in_emitters.count; // in [low, high)
+    while (high - low > 1u) {
+        uint middle = (low + high) / 2u;
+        if (in_emitters.entry[middle].below <= pick) low = middle; else high = middle;
+    }
+    aim.instance = in_emitters.entry[low].instance;
+    aim.triangle = in_emitters.entry[low].triangle;
+    float root = sqrt(u.x);
+    vec3 point = scene_point(SceneHit(0.0, aim.instance, aim.triangle, vec2(1.0 - root, u.y * root)));
+    aim.d = normalize(point - x);
+}
+
+// Returns the density of toward_emitter, per solid angle, for what a ray along d met first of the virtual scene.
+float emitter_density(SceneHit hit, vec3 d) {
+    if (hit.instance == NONE) return 0.0;
+    float shines = luminance(in_materials.material[in_shading.triangle[hit.triangle].material].emissive);
+    TriangleGeometry tri = triangle_geometry(hit.triangle);
+    vec4 rows[3] = in_instances.instance[hit.instance].object_to_world;
+    vec3 normal = cross(transform_direction(rows, tri.e1), transform_direction(rows, tri.e2));
+    float cosine = abs(dot(normal, d)) * inversesqrt(max(dot(normal, normal), 1e-30));
+    return shines * in_emitters.inverse_power * hit.t * hit.t / max(cosine, 1e-6);
+}
 
 // Returns the share of rays that are drawn from the lights. Few of those fall into a narrow lobe, which finds what
 // shines in it by itself.
-float light_share(bool mirror, bool specular, Surface s) {
+float light_share(bool sharp, uint lobe, Surface s) {
     const float NARROW = 0.1; // the alpha of a lobe for which half of the share is left
-    float alpha = specular ? s.roughness * s.roughness : 1.0, part = specular && DIRECTIONS != LIGHT ? alpha / (alpha + NARROW) : 1.0;
-    return mirror || DIRECTIONS == BRDF ? 0.0 : in_lights.share * part;
+    float alpha = 1.0;
+    if (SPECULAR != 0u && lobe == GLOSSY) alpha = s.roughness * s.roughness;
+    if (CLEARCOAT != 0u && lobe == COAT) alpha = s.clearcoat_roughness * s.clearcoat_roughness;
+    float part = alpha < 1.0 && DIRECTIONS != LIGHT ? alpha / (alpha + NARROW) : 1.0;
+    return sharp || DIRECTIONS == BRDF ? 0.0 : in_lights.share * part;
 }
 
 // Three numbers of a path's first ray: over the frames a pixel's additive sequence, which begins anywhere. Its steps
@@ -155,64 +192,104 @@ vec3 first_numbers(ivec2 p, uint layer) {
     return vec3((uvec3(x, y, z) + in_view.view.frame * STEP) >> 8u) * (1.0 / 16777216.0);
 }
 
-// Draws from a Lambert lobe of albedo 1 (f·cos = cos/π), or from the GGX lobe of a surface, or from the lights.
-Aim aim(vec3 x, vec3 near, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye, vec3 numbers, inout Random random) {
+// Draws from a lobe of a surface, or from the lights. Rays to virtual surfaces leave from `near`.
+Aim aim(vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye, vec3 numbers, inout Random random) {
     Aim aim;
-    aim.mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
-    aim.light = numbers.z < light_share(aim.mirror, specular, s);
+    aim.sharp = SPECULAR != 0u && bsdf_is_sharp(s, lobe);
+    float emitters = emitter_share(aim.sharp);
+    aim.emitter = EMITTERS != 0u && numbers.z < emitters;
+    if (EMITTERS != 0u) numbers.z = (numbers.z - emitters) / (1.0 - emitters);
+    aim.light = !aim.emitter && numbers.z < light_share(aim.sharp, lobe, s);
     aim.far = false;
     aim.kind = 0u;
-    aim.target = aim.mirror_weight = vec3(0.0);
+    aim.target = aim.sharp_weight = vec3(0.0);
     aim.possible = true;
-    if (aim.light) aim.possible = toward_light(x, near, normal, numbers.xy, random, aim.d, aim.target, aim.far, aim.kind);
+    if (aim.emitter) {
+        toward_emitter(near, random_next(random), numbers.xy, aim);
+        aim.possible = dot(aim.d, s.normal) > 0.0 && dot(aim.d, s.geometric) > 0.0;
+    } else if (aim.light) aim.possible = toward_light(x, near, s.normal, numbers.xy, random, aim.d, aim.target, aim.far, aim.kind);
     else {
-        vec2 u = numbers.xy;
-        if (specular) {
-            aim.d = brdf_sample_specular(s, l, to_eye, u, aim.mirror_weight);
-            aim.possible = dot(aim.d, s.geometric) > 0.0;
-        } else aim.d = sample_cosine(normal, u);
+        float third = TRANSMISSION != 0u ? random_next(random) : 0.0;
+        aim.d = bsdf_sample(s, l, lobe, to_eye, vec3(numbers.xy, third), aim.sharp_weight);
+        if (lobe != DIFFUSE) aim.possible = bsdf_leaves(s, lobe, aim.d);
     }
     return aim;
 }
 
 // Traces the real scene along it.
-Ray trace(Aim aim, vec3 x, vec3 near, vec3 normal, bool specular, Surface s, Lobes l, vec3 to_eye) {
-    Ray ray = Ray(aim.d, vec3(0.0), PanoramaHit(FAR, vec2(0.0), FREE, vec3(0.0)));
+Ray trace(Aim aim, vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye) {
+    Ray ray = Ray(aim.d, vec3(0.0), PanoramaHit(FAR, vec2(0.0), FREE, vec3(0.0)), vec3(0.0), 0.0);
     if (!aim.possible) return ray;
     ray.real = real_trace(x, near, ray.d);
-    if (aim.mirror) { ray.weight = aim.mirror_weight; return ray; }
+    if (aim.sharp) { ray.weight = aim.sharp_weight; return ray; }
     if (aim.light && !meets(ray.real, x, ray.d, aim.target, aim.far, aim.kind)) return ray;
-    float density, share = light_share(aim.mirror, specular, s);
-    vec3 f;
-    if (specular) f = brdf_specular(s, l, to_eye, ray.d, density);
-    else { density = max(dot(ray.d, normal), 0.0) / PI; f = vec3(density); }
-    float p = (1.0 - share) * density + (share > 0.0 ? share * lights_density(x, near, normal, ray.d, ray.real) : 0.0);
+    float density, share = light_share(aim.sharp, lobe, s);
+    vec3 f = bsdf_evaluate(s, l, lobe, to_eye, ray.d, density);
+    float p = (1.0 - share) * density + (share > 0.0 ? share * lights_density(x, near, s.normal, ray.d, ray.real) : 0.0);
+    if (EMITTERS != 0u) {
+        p *= 1.0 - emitter_share(aim.sharp);
+        ray.f = f;
+        ray.density = p;
+        if (aim.emitter) return ray; // what was aimed at is no real surface
+    }
     if (p > 0.0) ray.weight = f / p;
     return ray;
 }
 
+// Returns the weight of what a ray brings that met `hit` of the virtual scene first.
+vec3 mixed_weight(Ray ray, Aim aim, SceneHit hit) {
+    if (EMITTERS == 0u || aim.sharp || ray.density <= 0.0) return ray.weight;
+    if (aim.emitter && (hit.instance != aim.instance || hit.triangle != aim.triangle)) return vec3(0.0);
+    // A lamp or lobe that was drawn and does not count brings nothing.
+    if (!aim.emitter && ray.weight == vec3(0.0)) return vec3(0.0);
+    return ray.f / (ray.density + emitter_share(aim.sharp) * emitter_density(hit, ray.d));
+}
+
+const uint MOST_BOUNDARIES = 12u; // of glass, beside the bounces
+
 // Returns what arrives along a ray, the mixed scene included: real surfaces relit, virtual ones by a path. `hit`
 // is the virtual surface that the ray meets, if any. The path's last vertex sees the real scene alone, so that
-// no light is lost.
-vec3 incoming(vec3 origin, Ray ray, SceneHit hit, inout Random random) {
+// no light is lost. `wide`: the ray comes from a lobe that cannot show glass as it is. It passes glass on a straight
+// line and takes its colour, because no lamp could be found through what bends rays.
+vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random) {
     vec3 sum = vec3(0.0), throughput = vec3(1.0);
     float width = 0.0;
+    uint boundaries = 0u;
     for (uint bounce = 1u; hit.instance != NONE; bounce++) {
         width += 0.05 * hit.t;
         vec3 seen_along = VIRTUAL_TRACER == SCREEN ? screen_direction(hit, ray.d) : ray.d;
         Surface s = scene_surface(hit, seen_along, width);
+        throughput *= solid_passes(s, hit.t);
         if (EMISSION != 0u) sum += throughput * s.emissive;
         vec3 to_eye = -seen_along;
-        Lobes l = brdf_lobes(s, to_eye);
-        bool specular = brdf_choose_specular(l, random);
+        Lobes l = bsdf_lobes(s, to_eye);
+        uint lobe = bsdf_choose(l, random_next(random));
+        // A straight line leaves a solid as it came in; what is refracted does, too, but at another angle.
+        if (TRANSMISSION != 0u && wide) s.eta = min(s.eta, 1.0 / s.eta);
         origin = surface_origin(s);
         vec3 numbers = vec3(random_next2(random), random_next(random));
-        ray = trace(aim(origin, origin, s.normal, specular, s, l, to_eye, numbers, random), origin, origin, s.normal, specular, s, l, to_eye);
-        if (dot(ray.d, s.geometric) <= 0.0) return sum;
-        throughput *= ray.weight * (specular ? vec3(1.0 / l.specular_probability) : l.diffuse / (1.0 - l.specular_probability));
-        if (max(throughput.r, max(throughput.g, throughput.b)) <= 0.0) return sum;
+        Aim next = aim(origin, origin, s, l, lobe, to_eye, numbers, random);
+        if (TRANSMISSION != 0u && lobe == TRANSMITTED) {
+            bool through = dot(next.d, s.geometric) < 0.0;
+            origin = surface_origin_along(s, next.d);
+            if (++boundaries <= MOST_BOUNDARIES) bounce--;
+            if (wide && through) {
+                throughput *= next.sharp_weight / bsdf_probability(l, lobe);
+                origin = surface_origin_along(s, ray.d);
+                ray.real.t = ray.real.t < FAR ? max(ray.real.t - hit.t, 0.0) : FAR;
+                hit.instance = NONE;
+                if (INTERREFLECTION != 0u && boundaries < 2u * MOST_BOUNDARIES) hit = virtual_trace(origin, ray.d, ray.real.t, random);
+                continue;
+            }
+        }
+        ray = trace(next, origin, origin, s, l, lobe, to_eye);
+        if (!bsdf_leaves(s, lobe, ray.d)) return sum;
+        wide = lobe == DIFFUSE || lobe == SHEEN_LOBE;
         hit.instance = NONE;
-        if (INTERREFLECTION != 0u && bounce < in_view.view.bounces) hit = virtual_trace(origin, ray.d, ray.real.t, random);
+        if (INTERREFLECTION != 0u && bounce < in_view.view.bounces && (EMITTERS != 0u || largest(ray.weight) > 0.0))
+            hit = virtual_trace(origin, ray.d, ray.real.t, random);
+        throughput *= mixed_weight(ray, next, hit) / bsdf_probability(l, lobe);
+        if (largest(throughput) <= 0.0) return sum;
     }
     return sum + throughput * hit_relit(ray.real);
 }
@@ -229,16 +306,19 @@ RealStart real_start(ivec2 p) {
     return RealStart(normal, point + normal * (off * length(point)), point + normal * 1e-4);
 }
 
+// A real surface as one that lobes start from.
+Surface real_lambert(RealStart from) {
+    Surface s;
+    s.normal = s.geometric = from.normal;
+    return s;
+}
+
 Aim real_aim(ivec2 p, RealStart from, inout Random random) {
-    Surface none;
-    Lobes no_lobes;
-    return aim(from.off_real, from.off_virtual, from.normal, false, none, no_lobes, vec3(0.0), first_numbers(p, uint(REAL)), random);
+    return aim(from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0), first_numbers(p, uint(REAL)), random);
 }
 
 Ray real_ray(Aim aim, RealStart from) {
-    Surface none;
-    Lobes no_lobes;
-    return trace(aim, from.off_real, from.off_virtual, from.normal, false, none, no_lobes, vec3(0.0));
+    return trace(aim, from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0));
 }
 
 // Returns the share of the rays from a pixel that are traced if they meet no object: all where objects changed

@@ -11,7 +11,7 @@
 #include "common.glsl"
 #include "parts.glsl"
 #include "scene.glsl"
-#include "brdf.glsl"
+#include "bsdf.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
 // A triangle that shines. It is drawn with a probability proportional to area · luminance. `below` is the
@@ -101,7 +101,7 @@ uint light_at(float u) {
 // Returns light by one lobe, weighted against BRDF sampling of that lobe. Of a few points, spread over all
 // lights, one is chosen by what it would bring (resampled importance sampling, Talbot et al. 2005). Only that
 // one costs a ray.
-vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, float choice) {
+vec3 direct(Surface s, Lobes l, vec3 to_eye, uint lobe, float pick, vec2 u, float choice) {
     if (push.light_count == 0u || push.sampling == LOBES) return vec3(0.0);
     vec3 origin = surface_origin(s), chosen = vec3(0.0), chosen_d = vec3(0.0);
     float chosen_distance = 0.0, chosen_weight = 0.0, total = 0.0;
@@ -120,11 +120,12 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, bool specular, float pick, vec2 u, 
         float cosine = abs(dot(normal, d)) / length(normal);
         if (dot(d, s.geometric) <= 0.0 || cosine <= 0.0) continue;
         float by_light = light_density(point.triangle) * distance * distance / cosine;
-        float by_lobe = max(dot(s.normal, d), 0.0) / PI;
-        vec3 value = specular ? brdf_specular(s, l, to_eye, d, by_lobe) : l.diffuse * by_lobe;
+        float by_lobe;
+        vec3 value = bsdf_evaluate(s, l, lobe, to_eye, d, by_lobe);
         if (by_lobe <= 0.0) continue;
         Material m = in_materials.material[in_shading.triangle[point.triangle].material];
-        vec3 radiance = m.emissive_texture == NONE && (m.flags & 2u) == 0u ? m.emissive : scene_surface(point, d, 0.0).emissive;
+        vec3 radiance = m.textures[SLOT_EMISSIVE] == NONE && (m.flags & UNLIT) == 0u ? m.emissive : scene_surface(point, d, 0.0).emissive;
+        if ((m.flags & (MASKED | BLENDED)) != 0u) radiance *= hit_alpha(point);
         vec3 brings = value * radiance / (by_light + (push.sampling == MIS ? by_lobe : 0.0));
         float weight = luminance(brings);
         total += weight;
@@ -146,7 +147,7 @@ const uint PUNCTUAL_CANDIDATES = 8u;
 
 // Returns light from lamps without a surface by one lobe. No lobe's sample can meet them, so there is nothing
 // to weigh against. As above, one of a few is chosen by what it would bring.
-vec3 punctual(Surface s, Lobes l, vec3 to_eye, bool specular, inout Random random) {
+vec3 punctual(Surface s, Lobes l, vec3 to_eye, uint lobe, inout Random random) {
     uint count = min(push.punctual_count, PUNCTUAL_CANDIDATES);
     vec3 origin = surface_origin(s), chosen = vec3(0.0), chosen_d = vec3(0.0);
     float chosen_distance = 0.0, chosen_weight = 0.0, total = 0.0;
@@ -169,7 +170,7 @@ vec3 punctual(Surface s, Lobes l, vec3 to_eye, bool specular, inout Random rando
         }
         if (dot(d, s.geometric) <= 0.0) continue;
         float density;
-        vec3 value = specular ? brdf_specular(s, l, to_eye, d, density) : l.diffuse * (max(dot(s.normal, d), 0.0) / PI);
+        vec3 value = bsdf_evaluate(s, l, lobe, to_eye, d, density);
         vec3 brings = value * incident;
         float weight = luminance(brings);
         total += weight;
@@ -215,6 +216,7 @@ void main() {
     bool same = false;      // whether the sample meets the surface at the pixel's centre
     for (uint bounce = 0u; hit.instance != NONE; bounce++) {
         Surface s = scene_surface(hit, d, 0.0);
+        throughput *= solid_passes(s, hit.t);
         if (bounce == 0u) {
             seen = s.emissive;
             vec3 apart = s.position - (origin + middle_d * middle.w);
@@ -230,32 +232,27 @@ void main() {
         }
         if (bounce >= push.bounces) break;
 
-        Lobes l = brdf_lobes(s, -d);
+        vec3 to_eye = -d, weight;
+        Lobes l = bsdf_lobes(s, to_eye);
         if (bounce == 0u) first_albedo = l.diffuse;
         vec2 choice = draw(draws);
         vec2 light_u = draw(draws), direction_u = draw(draws);
-        bool specular = choice.x < l.specular_probability;
-        float probability = specular ? l.specular_probability : 1.0 - l.specular_probability;
-        bool mirror = specular && s.roughness * s.roughness < MIRROR_ALPHA;
-        if (!mirror) {
-            vec3 light = direct(s, l, -d, specular, choice.y, light_u, random_next(draws.random));
-            if (push.punctual_count > 0u) light += punctual(s, l, -d, specular, draws.random);
+        uint lobe = bsdf_choose(l, choice.x);
+        float probability = bsdf_probability(l, lobe);
+        bool sharp = bsdf_is_sharp(s, lobe);
+        if (!sharp) {
+            vec3 light = direct(s, l, to_eye, lobe, choice.y, light_u, random_next(draws.random));
+            if (push.punctual_count > 0u) light += punctual(s, l, to_eye, lobe, draws.random);
             sum += throughput * light / probability;
         }
 
-        vec3 to_eye = -d, weight;
-        if (specular) {
-            d = brdf_sample_specular(s, l, to_eye, direction_u, weight);
-            by_lobe = 0.0;
-            if (!mirror) {
-                weight = brdf_specular(s, l, to_eye, d, by_lobe);
-                weight = by_lobe > 0.0 ? weight / by_lobe : vec3(0.0);
-            }
-        } else {
-            d = sample_cosine(s.normal, direction_u);
-            weight = dot(d, s.geometric) > 0.0 ? l.diffuse : vec3(0.0);
-            by_lobe = dot(s.normal, d) / PI;
+        d = bsdf_sample(s, l, lobe, to_eye, vec3(direction_u, random_next(draws.random)), weight);
+        by_lobe = 0.0;
+        if (!sharp) {
+            weight = bsdf_evaluate(s, l, lobe, to_eye, d, by_lobe);
+            weight = by_lobe > 0.0 ? weight / by_lobe : vec3(0.0);
         }
+        if (!bsdf_leaves(s, lobe, d)) weight = vec3(0.0);
         if (push.light_count == 0u) by_lobe = 0.0;
         throughput *= weight / probability;
         float most = max(weight.r, max(weight.g, weight.b));
@@ -267,7 +264,7 @@ void main() {
             throughput /= survive;
             importance = 1.0;
         }
-        hit = scene_trace(surface_origin(s), d, FAR);
+        hit = scene_trace(surface_origin_along(s, d), d, FAR);
     }
 
     float l = luminance(sum), total = luminance(sum + seen);

@@ -22,6 +22,20 @@ struct Surface {
     vec3 emissive;
     vec3 f0; // Fresnel reflectance at normal incidence and at grazing
     float f90;
+    // Each of these is valid if its part is on.
+    float alpha;
+    float transmission;
+    bool solid;      // it bounds a solid of `eta` and `extinction`
+    bool inside;     // the ray came from behind
+    float eta;       // index of refraction before the surface, relative to that behind it
+    vec3 extinction; // 1/m
+    float clearcoat;
+    float clearcoat_roughness;
+    vec3 clearcoat_normal;
+    vec3 sheen_color;
+    float sheen_roughness;
+    vec3 tangent;     // the rougher direction
+    float anisotropy;
 };
 
 vec3 transform_point(vec4 rows[3], vec3 p) { return vec3(dot(rows[0], vec4(p, 1.0)), dot(rows[1], vec4(p, 1.0)), dot(rows[2], vec4(p, 1.0))); }
@@ -48,7 +62,7 @@ bool box_met(uvec4 least, uvec4 greatest, vec3 inverse, vec3 shift, float t_max)
     return enter <= leave * 1.0000004;
 }
 
-void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, inout SceneHit hit) {
+void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, float t_min, inout SceneHit hit) {
     uint first = leaf >> 3u, end = first + (leaf & 7u);
     for (uint k = first; k < end; k++) {
         TriangleGeometry tri = triangle_geometry(k);
@@ -60,7 +74,7 @@ void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, inout SceneH
         vec3 q = cross(s, tri.e1);
         float v = dot(d, q) * inverse;
         float t = dot(tri.e2, q) * inverse;
-        if (det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.t) hit = SceneHit(t, instance, k, vec2(u, v));
+        if (det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > t_min && t < hit.t) hit = SceneHit(t, instance, k, vec2(u, v));
     }
 }
 
@@ -76,7 +90,7 @@ void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, inout SceneH
     }
 
 // Traces one instance. The ray in object space keeps its parameter t.
-void scene_instance(uint index, vec3 world_origin, vec3 world_d, inout SceneHit hit) {
+void scene_instance(uint index, vec3 world_origin, vec3 world_d, float t_min, inout SceneHit hit) {
     vec4 rows[3];
     [[unroll]] for (uint row = 0u; row < 3u; row++) rows[row] = uintBitsToFloat(imageLoad(in_places, table_texel(index * 4u + row)));
     vec3 origin = transform_point(rows, world_origin), d = transform_direction(rows, world_d);
@@ -87,11 +101,11 @@ void scene_instance(uint index, vec3 world_origin, vec3 world_d, inout SceneHit 
     while (true) {
         WALK(in_nodes, node, inverse, shift, hit.t, leaf)
         if (leaf == 0u) break;
-        scene_triangles(leaf, index, origin, d, hit);
+        scene_triangles(leaf, index, origin, d, t_min, hit);
     }
 }
 
-// Says whether a ray meets any virtual surface before t_max.
+// Says whether a ray meets any virtual surface before t_max, be it there or a hole.
 bool scene_meets(vec3 origin, vec3 d, float t_max) {
     SceneHit hit = SceneHit(t_max, NONE, NONE, vec2(0.0));
     vec3 inverse = safe_inverse(d), shift = -origin * inverse;
@@ -99,24 +113,26 @@ bool scene_meets(vec3 origin, vec3 d, float t_max) {
     while (hit.instance == NONE) {
         WALK(in_top_nodes, node, inverse, shift, t_max, leaf)
         if (leaf == 0u) break;
-        scene_instance(leaf >> 3u, origin, d, hit);
+        scene_instance(leaf >> 3u, origin, d, 0.0, hit);
     }
     return hit.instance != NONE;
 }
 
-// Finds the closest virtual surface along a ray before t_max.
-SceneHit scene_trace(vec3 origin, vec3 d, float t_max) {
+// Finds the closest virtual surface along a ray in (t_min, t_max), be it there or a hole.
+SceneHit scene_closest(vec3 origin, vec3 d, float t_min, float t_max) {
     SceneHit hit = SceneHit(t_max, NONE, NONE, vec2(0.0));
     vec3 inverse = safe_inverse(d), shift = -origin * inverse;
     uint node = in_view.view.instance_count > 0u ? 0u : NONE, leaf;
     while (true) {
         WALK(in_top_nodes, node, inverse, shift, hit.t, leaf)
         if (leaf == 0u) break;
-        scene_instance(leaf >> 3u, origin, d, hit);
+        scene_instance(leaf >> 3u, origin, d, t_min, hit);
     }
     if (hit.instance == NONE) hit.t = FAR;
     return hit;
 }
+
+const uint TEXTURES_MOVED = 1u << 31u; // in TEXTURES
 
 // --- textures: RGBA8 in a buffer, bilinear between texels and nearest between mip levels ---
 
@@ -139,9 +155,19 @@ vec4 texture_texel(Texture tex, uint offset, ivec2 size, ivec2 p) {
     return c;
 }
 
-// `footprint` is the width of the ray's footprint in units of uv.
-vec4 texture_sample(uint index, vec2 uv, float footprint) {
+// Where a hit lies on textures: in the vertices' two sets of coordinates, each with the width of the ray's
+// footprint there.
+struct Texcoords { vec2 uv; float footprint; vec2 uv2; float footprint2; };
+
+vec4 texture_sample(uint index, Texcoords at) {
     Texture tex = in_textures.entry[index];
+    vec2 uv = at.uv;
+    float footprint = at.footprint;
+    if ((TEXTURES & TEXTURES_MOVED) != 0u) {
+        if (tex.set != 0u) { uv = at.uv2; footprint = at.footprint2; }
+        uv = vec2(dot(tex.transform[0], vec3(uv, 1.0)), dot(tex.transform[1], vec3(uv, 1.0)));
+        footprint *= sqrt(abs(tex.transform[0].x * tex.transform[1].y - tex.transform[0].y * tex.transform[1].x));
+    }
     float level = floor(0.5 + log2(max(1.0, footprint * float(max(tex.width, tex.height)))));
     uint l = min(uint(level), tex.levels - 1u);
     uint offset = tex.offset;
@@ -159,10 +185,99 @@ vec4 texture_sample(uint index, vec2 uv, float footprint) {
     return mix(a, b, f.y);
 }
 
+// Says whether material m has a texture in a slot, and reads it.
+#define TEXTURED(slot) ((TEXTURES & (1u << slot)) != 0u && m.textures[slot] != NONE)
+#define TEXEL(slot) texture_sample(m.textures[slot], at)
+
 // Returns where a hit is.
 vec3 scene_point(SceneHit hit) {
     TriangleGeometry tri = triangle_geometry(hit.triangle);
     return transform_point(in_instances.instance[hit.instance].object_to_world, tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y);
+}
+
+// Returns how much of a surface is there at a hit, from 0 to 1.
+float hit_alpha(SceneHit hit) {
+    TriangleShading shading = in_shading.triangle[hit.triangle];
+    Material m = in_materials.material[shading.material];
+    if ((m.flags & (MASKED | BLENDED)) == 0u) return 1.0;
+    Vertex v0 = in_vertices.vertex[shading.v0], v1 = in_vertices.vertex[shading.v1], v2 = in_vertices.vertex[shading.v2];
+    vec3 b = vec3(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
+    float alpha = m.alpha * dot(vec3(v0.color >> 24u, v1.color >> 24u, v2.color >> 24u), b) / 255.0;
+    if (TEXTURED(SLOT_BASE_COLOR)) {
+        Texcoords at = Texcoords(v0.uv * b.x + v1.uv * b.y + v2.uv * b.z, 0.0, v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z, 0.0);
+        alpha *= TEXEL(SLOT_BASE_COLOR).a;
+    }
+    return (m.flags & MASKED) != 0u ? float(alpha >= m.alpha_cutoff) : clamp(alpha, 0.0, 1.0);
+}
+
+const uint MOST_LAYERS = 64u; // that are not there, along a ray
+
+// Finds the closest virtual surface that is there along a ray before t_max. What is there in part is there at
+// random, that often.
+SceneHit scene_trace(vec3 origin, vec3 d, float t_max) {
+    if (ALPHA == 0u) return scene_closest(origin, d, 0.0, t_max);
+    SceneHit hit;
+    float t_min = 0.0;
+    for (uint layer = 0u; layer < MOST_LAYERS; layer++) {
+        hit = scene_closest(origin, d, t_min, t_max);
+        if (hit.instance == NONE) break;
+        uint at = hash(floatBitsToUint(hit.barycentric.x) + hash(floatBitsToUint(hit.barycentric.y) + hit.triangle));
+        Random random = random_begin(uvec2(at, floatBitsToUint(hit.t)), 3u);
+        if (random_next(random) < hit_alpha(hit)) break;
+        t_min = hit.t;
+        hit.instance = NONE;
+    }
+    if (hit.instance == NONE) hit.t = FAR;
+    return hit;
+}
+
+// Returns how the eye sees light that interferes with itself after a path of so many nanometres, linear RGB.
+vec3 film_sensitivity(float path, vec3 shift) {
+    float phase = 2.0 * PI * path * 1e-9;
+    const vec3 SIZE = vec3(5.4856e-13, 4.4201e-13, 5.2481e-13), PLACE = vec3(1.6810e+06, 1.7953e+06, 2.2084e+06), SPREAD = vec3(4.3278e+09, 9.3046e+09, 6.6121e+09);
+    vec3 xyz = SIZE * sqrt(2.0 * PI * SPREAD) * cos(PLACE * phase + shift) * exp(-phase * phase * SPREAD);
+    xyz.x += 9.7470e-14 * sqrt(2.0 * PI * 4.5282e+09) * cos(2.2399e+06 * phase + shift.x) * exp(-4.5282e+09 * phase * phase);
+    xyz /= 1.0685e-7;
+    return mat3(vec3(3.2404542, -0.9692660, 0.0556434), vec3(-1.5371385, 1.8760108, -0.2040259), vec3(-0.4985314, 0.0415560, 1.0572252)) * xyz;
+}
+
+// Returns the reflectance, at a cosine, of a thin film of an index of refraction and a thickness in nanometres
+// (Belcour and Barla 2017, "A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence").
+// `f0` is that of what is below it.
+vec3 film_reflectance(float cosine, float film_ior, float thickness, vec3 f0) {
+    // The film goes over to nothing where it is much thinner than light's waves.
+    float ior = mix(1.0, film_ior, smoothstep(0.0, 0.03, thickness));
+    float sine2 = (1.0 - cosine * cosine) / (ior * ior);
+    if (sine2 >= 1.0) return vec3(1.0);
+    float within = sqrt(1.0 - sine2);
+    float r = (ior - 1.0) / (ior + 1.0), x = 1.0 - cosine, y = 1.0 - within;
+    float r0 = r * r;
+    float first = r0 + (1.0 - r0) * x * x * x * x * x, passed = 1.0 - first;
+    vec3 root = sqrt(clamp(f0, vec3(0.0), vec3(0.9999))), base_ior = (1.0 + root) / (1.0 - root);
+    vec3 q = (base_ior - ior) / (base_ior + ior), q0 = q * q;
+    vec3 second = q0 + (1.0 - q0) * (y * y * y * y * y);
+    float path = 2.0 * ior * thickness * within;
+    vec3 shift = mix(vec3(PI), vec3(2.0 * PI), lessThan(base_ior, vec3(ior)));
+    vec3 both = clamp(first * second, 1e-5, 0.9999), r123 = sqrt(both), rs = passed * passed * second / (1.0 - both);
+    vec3 sum = vec3(first) + rs, c = rs - passed;
+    for (int m = 1; m <= 2; m++) {
+        c *= r123;
+        sum += 2.0 * c * film_sensitivity(float(m) * path, float(m) * shift);
+    }
+    return max(sum, vec3(0.0));
+}
+
+// Returns a normal of a normal map, as a unit tangent, its bitangent's sign and the vertices' normal have it.
+vec3 mapped_normal(vec3 texel, float scale, vec3 tangent, float bitangent, vec3 normal) {
+    vec3 n = texel * 2.0 - 1.0;
+    n = vec3(n.xy * scale, max(n.z, 1e-3));
+    return normalize(tangent * n.x + cross(normal, tangent) * (bitangent < 0.0 ? -n.y : n.y) + normal * n.z);
+}
+
+// Tilts a normal that faces away from the ray, and so would see nothing, back to the horizon.
+vec3 facing_normal(vec3 normal, vec3 d) {
+    float facing = dot(normal, d);
+    return facing > -1e-3 ? normalize(normal - d * (facing + 1e-3)) : normal;
 }
 
 // Returns the surface at a hit. `d` is the ray's direction, and `width` the width of its footprint there in
@@ -180,59 +295,128 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     s.geometric = normalize(transform_normal(instance.world_to_object, cross(tri.e1, tri.e2)));
     vec3 normal = transform_normal(instance.world_to_object, v0.normal * b.x + v1.normal * b.y + v2.normal * b.z);
     normal = dot(normal, normal) > 0.0 ? normalize(normal) : s.geometric;
-    vec2 uv = v0.uv * b.x + v1.uv * b.y + v2.uv * b.z;
+    vec3 smooth_normal = normal;
 
+    Texcoords at;
+    at.uv = v0.uv * b.x + v1.uv * b.y + v2.uv * b.z;
     vec3 w1 = transform_direction(instance.object_to_world, tri.e1), w2 = transform_direction(instance.object_to_world, tri.e2);
     vec2 u1 = v1.uv - v0.uv, u2 = v2.uv - v0.uv;
-    float footprint = width * sqrt(abs(u1.x * u2.y - u1.y * u2.x) / max(1e-20, length(cross(w1, w2))));
-
-    if (TEXTURES != 0u && m.normal_texture != NONE) {
-        vec4 tangent = v0.tangent * b.x + v1.tangent * b.y + v2.tangent * b.z;
-        vec3 t = transform_direction(instance.object_to_world, tangent.xyz);
-        t -= normal * dot(t, normal);
-        if (dot(t, t) > 1e-20) {
-            t = normalize(t);
-            vec3 n = texture_sample(m.normal_texture, uv, footprint).xyz * 2.0 - 1.0;
-            n = vec3(n.xy * m.normal_scale, max(n.z, 1e-3));
-            normal = normalize(t * n.x + cross(normal, t) * (tangent.w < 0.0 ? -n.y : n.y) + normal * n.z);
-        }
+    float area = max(1e-20, length(cross(w1, w2)));
+    at.footprint = width * sqrt(abs(u1.x * u2.y - u1.y * u2.x) / area);
+    if ((TEXTURES & TEXTURES_MOVED) != 0u) {
+        at.uv2 = v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z;
+        u1 = v1.uv2 - v0.uv2;
+        u2 = v2.uv2 - v0.uv2;
+        at.footprint2 = width * sqrt(abs(u1.x * u2.y - u1.y * u2.x) / area);
     }
-    if (dot(s.geometric, d) > 0.0 && FAULT != FAULT_NORMALS_UNTURNED) { s.geometric = -s.geometric; normal = -normal; }
-    // A shading normal that faces away from the ray would see nothing, so it is tilted back to the horizon.
-    float facing = dot(normal, d);
-    if (facing > -1e-3) normal = normalize(normal - d * (facing + 1e-3));
-    s.normal = normal;
+
+    vec3 t = vec3(0.0);
+    float bitangent = 1.0;
+    if ((TEXTURES & (1u << SLOT_NORMAL | 1u << SLOT_CLEARCOAT_NORMAL)) != 0u || ANISOTROPY != 0u) {
+        vec4 tangent = v0.tangent * b.x + v1.tangent * b.y + v2.tangent * b.z;
+        t = transform_direction(instance.object_to_world, tangent.xyz);
+        t -= normal * dot(t, normal);
+        t = dot(t, t) > 1e-20 ? normalize(t) : vec3(0.0);
+        bitangent = tangent.w;
+    }
+    bool has_tangent = t != vec3(0.0);
+    if (TEXTURED(SLOT_NORMAL) && has_tangent) normal = mapped_normal(TEXEL(SLOT_NORMAL).xyz, m.normal_scale, t, bitangent, normal);
+    s.inside = dot(s.geometric, d) > 0.0 && FAULT != FAULT_NORMALS_UNTURNED;
+    if (s.inside) { s.geometric = -s.geometric; normal = -normal; }
+    s.normal = facing_normal(normal, d);
 
     s.base_color = m.base_color;
     s.metallic = m.metallic;
     s.roughness = m.roughness;
     s.emissive = EMISSION != 0u ? m.emissive : vec3(0.0);
+    s.alpha = m.alpha;
     if ((v0.color & v1.color & v2.color) != 0xffffffffu) {
         vec3 c0 = unpackUnorm4x8(v0.color).rgb, c1 = unpackUnorm4x8(v1.color).rgb, c2 = unpackUnorm4x8(v2.color).rgb;
         vec3 tint = c0 * c0 * b.x + c1 * c1 * b.y + c2 * c2 * b.z;
         s.base_color *= tint;
-        if ((m.flags & 2u) != 0u) s.emissive *= tint;
+        if ((m.flags & UNLIT) != 0u) s.emissive *= tint;
+        s.alpha *= dot(vec3(v0.color >> 24u, v1.color >> 24u, v2.color >> 24u), b) / 255.0;
     }
     float specular = m.specular;
     vec3 specular_color = m.specular_color;
-    if (TEXTURES != 0u) {
-        if (m.base_color_texture != NONE) s.base_color *= texture_sample(m.base_color_texture, uv, footprint).rgb;
-        if (m.metallic_roughness_texture != NONE) {
-            vec4 c = texture_sample(m.metallic_roughness_texture, uv, footprint);
-            s.roughness *= c.g;
-            s.metallic *= c.b;
-        }
-        if (EMISSION != 0u && m.emissive_texture != NONE) s.emissive *= texture_sample(m.emissive_texture, uv, footprint).rgb;
-        if (m.specular_texture != NONE) specular *= texture_sample(m.specular_texture, uv, footprint).a;
-        if (m.specular_color_texture != NONE) specular_color *= texture_sample(m.specular_color_texture, uv, footprint).rgb;
+    if (TEXTURED(SLOT_BASE_COLOR)) {
+        vec4 c = TEXEL(SLOT_BASE_COLOR);
+        s.base_color *= c.rgb;
+        s.alpha *= c.a;
     }
+    if ((m.flags & BLENDED) == 0u) s.alpha = 1.0;
+    if (TEXTURED(SLOT_METALLIC_ROUGHNESS)) {
+        vec4 c = TEXEL(SLOT_METALLIC_ROUGHNESS);
+        s.roughness *= c.g;
+        s.metallic *= c.b;
+    }
+    if (EMISSION != 0u && TEXTURED(SLOT_EMISSIVE)) s.emissive *= TEXEL(SLOT_EMISSIVE).rgb;
+    if (TEXTURED(SLOT_SPECULAR)) specular *= TEXEL(SLOT_SPECULAR).a;
+    if (TEXTURED(SLOT_SPECULAR_COLOR)) specular_color *= TEXEL(SLOT_SPECULAR_COLOR).rgb;
     float f = (m.ior - 1.0) / (m.ior + 1.0);
     s.f0 = mix(min(f * f * specular_color, vec3(1.0)) * specular, s.base_color, s.metallic);
     s.f90 = mix(specular, 1.0, s.metallic);
+
+    s.transmission = 0.0;
+    if (TRANSMISSION != 0u) {
+        s.transmission = m.transmission * (1.0 - s.metallic);
+        if (TEXTURED(SLOT_TRANSMISSION)) s.transmission *= TEXEL(SLOT_TRANSMISSION).r;
+        s.solid = (m.flags & SOLID) != 0u;
+        float ior = max(m.ior, 1.0);
+        s.eta = s.inside ? ior : 1.0 / ior;
+        s.extinction = m.extinction;
+    }
+    if (CLEARCOAT != 0u) {
+        s.clearcoat = m.clearcoat;
+        s.clearcoat_roughness = m.clearcoat_roughness;
+        if (TEXTURED(SLOT_CLEARCOAT)) s.clearcoat *= TEXEL(SLOT_CLEARCOAT).r;
+        if (TEXTURED(SLOT_CLEARCOAT_ROUGHNESS)) s.clearcoat_roughness *= TEXEL(SLOT_CLEARCOAT_ROUGHNESS).g;
+        s.clearcoat_normal = smooth_normal;
+        if (TEXTURED(SLOT_CLEARCOAT_NORMAL) && has_tangent)
+            s.clearcoat_normal = mapped_normal(TEXEL(SLOT_CLEARCOAT_NORMAL).xyz, m.clearcoat_normal_scale, t, bitangent, smooth_normal);
+        if (s.inside) s.clearcoat_normal = -s.clearcoat_normal;
+        s.clearcoat_normal = facing_normal(s.clearcoat_normal, d);
+    }
+    if (SHEEN != 0u) {
+        s.sheen_color = m.sheen_color;
+        s.sheen_roughness = m.sheen_roughness;
+        if (TEXTURED(SLOT_SHEEN_COLOR)) s.sheen_color *= TEXEL(SLOT_SHEEN_COLOR).rgb;
+        if (TEXTURED(SLOT_SHEEN_ROUGHNESS)) s.sheen_roughness *= TEXEL(SLOT_SHEEN_ROUGHNESS).a;
+    }
+    if (ANISOTROPY != 0u) {
+        vec2 along = m.anisotropy_direction;
+        s.anisotropy = has_tangent ? m.anisotropy : 0.0;
+        if (TEXTURED(SLOT_ANISOTROPY)) {
+            vec3 c = TEXEL(SLOT_ANISOTROPY).rgb;
+            vec2 turn = c.rg * 2.0 - 1.0;
+            along = vec2(along.x * turn.x - along.y * turn.y, along.x * turn.y + along.y * turn.x);
+            s.anisotropy *= c.b;
+        }
+        vec3 rough = t * along.x + cross(smooth_normal, t) * (bitangent < 0.0 ? -along.y : along.y);
+        rough -= s.normal * dot(rough, s.normal);
+        bool known = dot(rough, rough) > 1e-12;
+        s.tangent = known ? normalize(rough) : basis(s.normal)[0];
+        if (!known) s.anisotropy = 0.0;
+    }
+    if (IRIDESCENCE != 0u && m.iridescence > 0.0) {
+        float amount = m.iridescence, thickness = m.iridescence_thickness.y;
+        if (TEXTURED(SLOT_IRIDESCENCE)) amount *= TEXEL(SLOT_IRIDESCENCE).r;
+        if (TEXTURED(SLOT_IRIDESCENCE_THICKNESS)) thickness = mix(m.iridescence_thickness.x, thickness, TEXEL(SLOT_IRIDESCENCE_THICKNESS).g);
+        float cosine = clamp(-dot(s.normal, d), 1e-3, 1.0), x = 1.0 - cosine, x5 = x * x * x * x * x;
+        // As a reflectance at normal incidence, of which Schlick makes the film's at this cosine.
+        vec3 film = clamp((film_reflectance(cosine, m.iridescence_ior, thickness, s.f0) - x5) / max(1.0 - x5, 1e-3), vec3(0.0), vec3(1.0));
+        s.f0 = mix(s.f0, film, amount);
+    }
     return s;
 }
 
 // Returns where rays leave a virtual surface: a few ulp of its coordinates and 0.1 mm off it.
 vec3 surface_origin(Surface s) {
     return s.position + s.geometric * max(1e-4, 4e-6 * max(abs(s.position.x), max(abs(s.position.y), abs(s.position.z))));
+}
+
+// Returns the same for a ray along d, which may go through the surface.
+vec3 surface_origin_along(Surface s, vec3 d) {
+    if (dot(d, s.geometric) < 0.0) s.geometric = -s.geometric;
+    return surface_origin(s);
 }

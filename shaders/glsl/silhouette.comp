@@ -11,8 +11,9 @@
 #include "panorama.glsl"
 #include "trace.glsl"
 #include "scene.glsl"
-#include "brdf.glsl"
+#include "bsdf.glsl"
 #include "guide.glsl"
+#define WRITES_VIRTUAL
 #include "gbuffer.glsl"
 layout(local_size_x = 64) in;
 
@@ -29,8 +30,10 @@ void main() {
     for (uint k = 0u; k < n; k++) {
         vec2 offset = fract(vec2(0.5) + float(k) * vec2(0.7548776662, 0.5698402910));
         vec3 d = view_direction(vec2(p) + offset);
-        SceneHit hit = scene_trace(in_view.view.position, d, FAR);
-        if (hit.instance == NONE || (FAULT != FAULT_REAL_IGNORED && real_surface(d).t <= hit.t)) { real_count += 1.0; continue; }
+        float passes;
+        SceneHit hit = primary_trace(d, FAULT != FAULT_REAL_IGNORED ? real_surface(d).t : FAR, passes);
+        real_count += passes;
+        if (hit.instance == NONE) continue;
         vec2 c = offset - 0.5;
         if (dot(c, c) < nearest) { nearest = dot(c, c); best = hit; best_d = d; }
     }
@@ -43,6 +46,6 @@ void main() {
     }
     if (imageLoad(in_camera_radiance, p).w == 1.0 && nearest < FAR) {
         imageStore(out_hit, p, uvec4(best.instance, best.triangle, floatBitsToUint(best.barycentric)));
-        write_virtual(p, best, best_d);
+        write_virtual(p, best, best_d, 1.0 - real_count / float(n));
     }
 }

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Pass 1, gbuffer (last dispatch): the virtual surfaces at the centres of pixels, shaded.
-// In: list, hit; the scene. Out: position, normal, motion, guide, k_V, emission of virtual surfaces.
+// In: list, hit, real_coverage; the scene. Out: position, normal, motion, guide, k_V, emission of virtual surfaces.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
@@ -9,8 +9,9 @@
 #include "panorama.glsl"
 #include "trace.glsl"
 #include "scene.glsl"
-#include "brdf.glsl"
+#include "bsdf.glsl"
 #include "guide.glsl"
+#define WRITES_VIRTUAL
 #include "gbuffer.glsl"
 layout(local_size_x = 64) in;
 
@@ -23,5 +24,5 @@ void main() {
     vec3 d = view_direction(vec2(p) + 0.5);
     SceneHit met = SceneHit(0.0, id.x, id.y, uintBitsToFloat(id.zw));
     met.t = dot(scene_point(met) - in_view.view.position, d);
-    write_virtual(p, met, d);
+    write_virtual(p, met, d, ALPHA != 0u ? 1.0 - imageLoad(in_real_coverage, p).x : 1.0);
 }

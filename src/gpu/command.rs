@@ -57,8 +57,8 @@ pub(super) enum Action {
 pub(super) enum Destination {
     /// `bytes` bytes from `offset` on.
     Buffer { buffer: Buffer, offset: u64, bytes: u64 },
-    /// One layer of one level.
-    Image { image: Image, layer: u32, level: u32 },
+    /// `rows` rows of one layer of one level, from `first_row` on.
+    Image { image: Image, layer: u32, level: u32, first_row: u32, rows: u32 },
 }
 
 impl Action {

@@ -187,8 +187,14 @@ fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
                 let region = vk::BufferCopy { src_offset: *from, dst_offset: *offset, size: *bytes };
                 device.cmd_copy_buffer(commands, *staging, buffer.handle(), &[region]);
             }
-            Action::Write { from: (staging, from), to: Destination::Image { image, layer, level } } => {
-                let region = transfer::region(image, *layer, *level)?.buffer_offset(*from);
+            Action::Write {
+                from: (staging, from),
+                to: Destination::Image { image, layer, level, first_row, rows },
+            } => {
+                let whole = transfer::region(image, *layer, *level)?.buffer_offset(*from);
+                let extent = vk::Extent3D { height: *rows, ..whole.image_extent };
+                let offset = vk::Offset3D { x: 0, y: *first_row as i32, z: 0 };
+                let region = whole.image_offset(offset).image_extent(extent);
                 device.cmd_copy_buffer_to_image(commands, *staging, image.handle(), general, &[region]);
             }
             Action::CopyBuffer { from, to } => {

@@ -194,7 +194,31 @@ impl Frame {
             return Err(Error::Internal(problem));
         }
         let from = self.slot.stage(&self.gpu.0, bytes)?;
-        self.record(Action::Write { from, to: Destination::Image { image: image.clone(), layer, level } });
+        let [_, rows] = image.level_size(level);
+        let to = Destination::Image { image: image.clone(), layer, level, first_row: 0, rows };
+        self.record(Action::Write { from, to });
+        Ok(())
+    }
+
+    /// Writes whole rows of an image's first layer and level, from `first_row` on. The data are tightly packed rows in
+    /// the image's format.
+    ///
+    /// # Errors
+    /// Fails with [`Error::Internal`] if there are no such rows, or if the data are no whole rows.
+    pub fn write_rows<T: Pod>(&mut self, image: &Image, first_row: u32, data: &[T]) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let [width, height] = image.level_size(0);
+        let row = u64::from(width) * image.format().bytes();
+        let rows = (bytes.len() as u64 / row) as u32;
+        if u64::from(rows) * row != bytes.len() as u64 || first_row.checked_add(rows).is_none_or(|end| end > height) {
+            return Err(Error::Internal(format!("{} bytes are no rows of {image:?} from {first_row} on", bytes.len())));
+        }
+        if rows == 0 {
+            return Ok(());
+        }
+        let from = self.slot.stage(&self.gpu.0, bytes)?;
+        let to = Destination::Image { image: image.clone(), layer: 0, level: 0, first_row, rows };
+        self.record(Action::Write { from, to });
         Ok(())
     }
 

@@ -41,13 +41,12 @@ impl Gbuffer {
         let shown = look.role == Role::Picture;
         let in_view = shown && plan.on(Part::VirtualSurfaces);
         let projection = look.role.projection(plan);
+        let materials = plan.materials();
         let material = [
-            plan.constant(Part::Specular),
-            plan.constant(Part::Emission),
-            plan.constant(Part::Textures),
-            plan.constant(Part::Motion),
-            projection,
-        ];
+            &materials[..],
+            &[plan.constant(Part::Emission), plan.constant(Part::Motion), plan.constant(Part::Deformation), projection],
+        ]
+        .concat();
         let rays = [
             Part::OffCentre.constant(u32::from(look.off_centre)),
             plan.constant(Part::Objects),
@@ -59,6 +58,7 @@ impl Gbuffer {
             Part::VirtualSurfaces.constant(u32::from(in_view)),
             ("SHOWN", u32::from(shown)),
             plan.constant(Part::Emission),
+            plan.constant(Part::Alpha),
             projection,
         ];
         let kernel =

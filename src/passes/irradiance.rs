@@ -40,6 +40,7 @@ impl Irradiance {
             Role::Relight => VirtualTracer::Bvh,
         };
         let roulette = plan.roulette();
+        let emitters = plan.constant(Part::Emitters);
         let kernel = |layer: &u32| {
             let constants = [
                 ("LAYER", *layer),
@@ -51,11 +52,11 @@ impl Irradiance {
                 plan.constant(Part::LightTable),
                 plan.constant(Part::FreeLamps),
                 plan.constant(Part::VirtualSurfaces),
-                plan.constant(Part::Specular),
                 plan.constant(Part::Emission),
-                plan.constant(Part::Textures),
+                emitters,
                 plan.constant(Part::Bounces),
             ];
+            let constants = [&constants[..], &plan.materials()].concat();
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)
         };
         let aim = || {
@@ -63,6 +64,7 @@ impl Irradiance {
                 plan.constant(Part::RealTracer),
                 plan.constant(Part::LightTable),
                 plan.constant(Part::FreeLamps),
+                emitters,
                 role.projection(plan),
             ];
             Kernel::new::<IrradiancePush>(gpu, "aim", shaders::AIM, &constants)

@@ -4,7 +4,7 @@
 //! outside of frames, and so do [`display`] and [`unknown`], which serve the window.
 
 pub mod atrous;
-pub mod brdf;
+pub mod bsdf;
 pub mod composite;
 pub mod depth_pyramid;
 pub mod display;

@@ -71,6 +71,7 @@ pub const STRUCTS: &[StructLayout] = &[
     struct_layout::<packed::Instance>("Instance"),
     struct_layout::<packed::Mover>("Mover"),
     struct_layout::<packed::PackedMaterial>("Material"),
+    struct_layout::<packed::Light>("Emitter"),
     struct_layout::<packed::PackedTexture>("Texture"),
     struct_layout::<packed::Light>("Light"),
     struct_layout::<packed::Punctual>("Punctual"),

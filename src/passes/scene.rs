@@ -1,13 +1,20 @@
 //! The virtual objects on the device.
 
 use super::{
-    brdf::brdf_table,
+    bsdf::{ggx_table, sheen_table},
     resources::{Resource, Resources},
 };
 use crate::{
     Result,
     gpu::{Buffer, Format, Frame, Gpu, Image},
-    scene::packed::{BvhNode, Instance, Mover, PackedInstances, PackedScene},
+    scene::{
+        deform::Patch,
+        lights::Shining,
+        packed::{
+            BvhNode, EmitterHeader, Instance, Light, Mover, NONE, PackedInstances, PackedScene, TriangleGeometry,
+            Vertex,
+        },
+    },
 };
 use glam::Vec3;
 
@@ -18,6 +25,25 @@ pub struct SceneBuffers {
     movers: Buffer,
     places: Table,
     top_nodes: Table,
+    /// Present if meshes change their shape.
+    deformed: Option<Deformed>,
+    shining: Shining,
+    emitters: Buffer,
+}
+
+/// The meshes that change their shape: the last of all in the arrays.
+struct Deformed {
+    first_triangle: usize,
+    first_vertex: usize,
+    first_node: usize,
+    vertices: Buffer,
+    triangles: Table,
+    nodes: Table,
+    /// The triangles a frame ago.
+    previous: Table,
+    /// What is in the tables' rows before them.
+    triangles_before: Vec<[u32; 4]>,
+    nodes_before: Vec<[u32; 4]>,
 }
 
 impl SceneBuffers {
@@ -26,35 +52,85 @@ impl SceneBuffers {
         let mut resources = Resources::default();
         let mut add = |name: &'static str, buffer: Buffer| resources.add(name, Resource::Buffer(buffer));
         add("shading", gpu.buffer_with("triangle shading", &scene.shading)?);
-        add("vertices", gpu.buffer_with("vertices", &scene.vertices)?);
+        let vertices = gpu.buffer_with("vertices", &scene.vertices)?;
+        add("vertices", vertices.clone());
         add("materials", gpu.buffer_with("materials", &scene.materials)?);
         add("textures", gpu.buffer_with("textures", &scene.textures)?);
         add("texels", gpu.buffer_with("texels", &scene.texels)?);
-        add("energy", gpu.buffer_with("brdf energy", &brdf_table())?);
+        add("energy", gpu.buffer_with("energy of lobes", &[ggx_table(), sheen_table()].concat())?);
         let top = gpu.buffer("instances", (instances * size_of::<Instance>()) as u64)?;
         add("instances", top.clone());
         // what was there and what is there
         let movers = gpu.buffer("movers", (2 * instances * size_of::<Mover>()) as u64)?;
         add("movers", movers.clone());
-        let triangles: Vec<_> =
-            scene.triangles.iter().flat_map(|t| [t.v0, t.e1, t.e2].map(|v| v.extend(0.0))).collect();
-        let triangles = Table::with(gpu, "triangles", bytemuck::cast_slice(&triangles))?;
-        let nodes = Table::with(gpu, "bvh nodes", bytemuck::cast_slice(&scene.nodes))?;
+        let shining = Shining::of(scene);
+        let most = shining.most(scene.nodes.iter().enumerate().map(|(index, _)| index as u32)) * instances.max(1);
+        let bytes = size_of::<EmitterHeader>() + most.clamp(1, MAX_EMITTERS) * size_of::<Light>();
+        let emitters = gpu.buffer("emitters", bytes as u64)?;
+        resources.add("emitters", Resource::Buffer(emitters.clone()));
+        let triangle_items = triangle_items(&scene.triangles);
+        let triangles = Table::with(gpu, "triangles", &triangle_items)?;
+        let node_items: &[[u32; 4]] = bytemuck::cast_slice(&scene.nodes);
+        let nodes = Table::with(gpu, "bvh nodes", node_items)?;
+        let first_triangle = scene.first_deformed as usize;
+        let deforming = scene.triangles.len().saturating_sub(first_triangle);
+        let previous = Table::new(gpu, "previous triangles", deforming * TRIANGLE_TEXELS)?;
         let places = Table::new(gpu, "places", instances * PLACE_TEXELS)?;
         let top_nodes = Table::new(gpu, "top bvh nodes", 2 * instances * size_of::<BvhNode>() / TEXEL)?;
-        for (name, table) in
-            [("triangles", &triangles), ("nodes", &nodes), ("places", &places), ("top_nodes", &top_nodes)]
-        {
+        for (name, table) in [
+            ("triangles", &triangles),
+            ("nodes", &nodes),
+            ("places", &places),
+            ("top_nodes", &top_nodes),
+            ("previous_triangles", &previous),
+        ] {
             resources.add(name, Resource::Image(table.0.clone()));
         }
-        Ok(Self { resources, instances: top, movers, places, top_nodes })
+        let before = |items: &[[u32; 4]], first: usize| items[first / TABLE_ROW * TABLE_ROW..first].to_vec();
+        let deformed = (deforming > 0).then(|| {
+            let first = scene.shading[first_triangle..].iter().map(|t| t.v0.min(t.v1).min(t.v2)).min();
+            let is_first = |node: &BvhNode| node.leaf != 0 && (node.leaf >> 3) as usize >= first_triangle;
+            let leaf = scene.nodes.iter().position(is_first).unwrap_or(0);
+            // The tree begins behind the end of the one before.
+            let first_node = scene.nodes[..leaf].iter().rposition(|node| node.leaf != 0 && node.next == NONE);
+            let first_node = first_node.map_or(0, |last| last + 1);
+            Deformed {
+                first_triangle,
+                first_vertex: first.unwrap_or(0) as usize,
+                first_node,
+                vertices,
+                triangles_before: before(&triangle_items, first_triangle * TRIANGLE_TEXELS),
+                nodes_before: before(node_items, first_node * NODE_TEXELS),
+                triangles,
+                nodes,
+                previous,
+            }
+        });
+        Ok(Self { resources, instances: top, movers, places, top_nodes, deformed, shining, emitters })
     }
 
     /// Records the upload of a frame's instances, which are relative to the panorama's centre, and of those that
     /// have moved.
-    pub fn upload(&self, frame: &mut Frame, state: &PackedInstances, movers: &[Mover]) -> Result<()> {
+    pub fn upload(
+        &self,
+        frame: &mut Frame,
+        scene: &PackedScene,
+        state: &PackedInstances,
+        movers: &[Mover],
+    ) -> Result<()> {
         frame.write_buffer(&self.movers, 0, movers)?;
+        if let Some(deformed) = self.deformed.as_ref().filter(|_| !state.patches.is_empty()) {
+            deformed.upload(frame, &state.patches)?;
+        }
         frame.write_buffer(&self.instances, 0, &state.instances)?;
+        let room = (self.emitters.bytes() as usize - size_of::<EmitterHeader>()) / size_of::<Light>();
+        let table = self.shining.lights(scene, state);
+        // Too many lights are found by chance, as none is then aimed at.
+        let lights = if table.lights.len() <= room { &table.lights[..] } else { &[] };
+        let inverse_power = if lights.is_empty() { 0.0 } else { (1.0 / table.power) as f32 };
+        let header = EmitterHeader { count: lights.len() as u32, inverse_power };
+        let bytes = [bytemuck::bytes_of(&header), bytemuck::cast_slice(lights)].concat();
+        frame.write_buffer(&self.emitters, 0, &bytes)?;
         let place = |instance: &Instance| {
             let [x, y, z] = instance.world_to_object.map(|row| row.map(f32::to_bits));
             [x, y, z, [instance.root, 0, 0, 0]]
@@ -62,6 +138,36 @@ impl SceneBuffers {
         let places: Vec<_> = state.instances.iter().flat_map(place).collect();
         self.places.upload(frame, &places)?;
         self.top_nodes.upload(frame, bytemuck::cast_slice(&state.nodes))
+    }
+}
+
+/// The most triangles that are aimed at.
+const MAX_EMITTERS: usize = 1 << 20;
+
+/// Texels of a triangle, and of a node.
+const TRIANGLE_TEXELS: usize = 3;
+const NODE_TEXELS: usize = 2;
+
+fn triangle_items(triangles: &[TriangleGeometry]) -> Vec<[u32; 4]> {
+    let texel = |v: Vec3| v.extend(0.0).to_array().map(f32::to_bits);
+    triangles.iter().flat_map(|t| [t.v0, t.e1, t.e2].map(texel)).collect()
+}
+
+impl Deformed {
+    fn upload(&self, frame: &mut Frame, patches: &[Patch]) -> Result<()> {
+        let all = |of: fn(&Patch) -> &[TriangleGeometry]| -> Vec<TriangleGeometry> {
+            patches.iter().flat_map(|patch| of(patch).iter().copied()).collect()
+        };
+        let vertices: Vec<_> = patches.iter().flat_map(|patch| patch.vertices.iter().copied()).collect();
+        let nodes: Vec<_> = patches.iter().flat_map(|patch| patch.nodes.iter().copied()).collect();
+        frame.write_buffer(&self.vertices, (self.first_vertex * size_of::<Vertex>()) as u64, &vertices)?;
+        let rows = |table: &Table, frame: &mut Frame, before: &[[u32; 4]], first: usize, items: &[[u32; 4]]| {
+            table.upload_from(frame, first / TABLE_ROW, &[before, items].concat())
+        };
+        let first = self.first_triangle * TRIANGLE_TEXELS;
+        rows(&self.triangles, frame, &self.triangles_before, first, &triangle_items(&all(|patch| &patch.triangles)))?;
+        rows(&self.nodes, frame, &self.nodes_before, self.first_node * NODE_TEXELS, bytemuck::cast_slice(&nodes))?;
+        self.previous.upload(frame, &triangle_items(&all(|patch| &patch.previous)))
     }
 }
 
@@ -91,6 +197,14 @@ impl Table {
 
     fn upload(&self, frame: &mut Frame, items: &[[u32; 4]]) -> Result<()> {
         frame.write_image(&self.0, 0, 0, &self.padded(items))
+    }
+
+    /// Writes the rows from `first_row` to the last.
+    fn upload_from(&self, frame: &mut Frame, first_row: usize, items: &[[u32; 4]]) -> Result<()> {
+        let [width, height] = self.0.size();
+        let mut padded = items.to_vec();
+        padded.resize(width as usize * (height as usize).saturating_sub(first_row), [0; 4]);
+        frame.write_rows(&self.0, first_row as u32, &padded)
     }
 
     fn padded(&self, items: &[[u32; 4]]) -> Vec<[u32; 4]> {

@@ -117,8 +117,8 @@ pub struct Shown {
     pub video_frame: usize,
     /// The viewpoint, where it is not always the same.
     pub viewpoint: Option<Viewpoint>,
-    /// The rows of each object's matrix, for virtual surfaces.
-    pub objects: Vec<[[f32; 4]; 3]>,
+    /// The rows of each object's matrix, and the time of its pose, for virtual surfaces.
+    pub objects: Vec<[[f32; 4]; 4]>,
 }
 
 /// What a view is for, which decides what it holds.

@@ -1,8 +1,9 @@
 //! What a plan must know about a scene.
 
-use super::convex;
+use super::{Part, convex};
 use crate::{
     Result,
+    gpu::Constant,
     options::RenderOptions,
     panorama::{
         lamps,
@@ -66,14 +67,17 @@ pub struct Facts {
     pub instances: usize,
     /// Says what moves, if anything does.
     pub moving: Option<String>,
+    /// Says what changes its shape, if anything does.
+    pub deforming: Option<String>,
     /// Whether an object can be in the picture.
     pub in_view: bool,
-    /// Says which materials have a GGX lobe, if any do.
-    pub specular: Option<String>,
     /// Says which materials emit light, if any do.
     pub emissive: Option<String>,
-    /// Says which materials have a texture, if any do.
-    pub textured: Option<String>,
+    /// A bit for each [`Slot`](crate::scene::material::Slot) that any material has a texture in, and the highest
+    /// bit if any of them lies on other coordinates than the first as they are.
+    pub texture_slots: u32,
+    /// Says which materials need each part of [`Part::MATERIAL`], if any do.
+    pub materials: [Option<String>; Part::MATERIAL.len()],
     /// `Ok` if a ray that has left a virtual surface can meet none again, else the reason why it may.
     pub alone: std::result::Result<(), String>,
 }
@@ -112,21 +116,14 @@ impl Facts {
             footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
             camera: camera_place(scene),
             instances,
+            deforming: scene
+                .deforming_object()
+                .filter(|_| instances > 0)
+                .map(|name| format!("{name} changes its shape")),
             in_view: instances > 0 && in_view(scene, options, moving.is_some()),
-            specular: materials(&|m| m.specular != 0.0 || m.metallic != 0.0),
             emissive: materials(&|m| m.emissive != Vec3::ZERO),
-            textured: materials(&|m| {
-                [
-                    m.base_color_texture,
-                    m.metallic_roughness_texture,
-                    m.normal_texture,
-                    m.emissive_texture,
-                    m.specular_texture,
-                    m.specular_color_texture,
-                ]
-                .iter()
-                .any(|texture| *texture != packed::NONE)
-            }),
+            texture_slots: texture_slots(&scene.packed),
+            materials: Part::MATERIAL.map(|part| materials(&|m| part.is_in(m))),
             alone: if instances == 0 { Ok(()) } else { alone(scene, &first, still && moving.is_none()) },
             moving,
         })
@@ -145,6 +142,30 @@ impl Facts {
             ..self
         }
     }
+}
+
+/// The specialization constants with which a shader serves the materials of a scene, and no others.
+pub fn material_constants(scene: &packed::PackedScene) -> Vec<Constant> {
+    let needed = |part: &Part| scene.materials.iter().any(|material| part.is_in(material));
+    let value = |part: &Part| match part {
+        Part::Textures => texture_slots(scene),
+        part => u32::from(needed(part)),
+    };
+    Part::MATERIAL.iter().map(|part| part.constant(value(part))).collect()
+}
+
+fn texture_slots(scene: &packed::PackedScene) -> u32 {
+    let plain = packed::PackedTexture { transform: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], ..Default::default() };
+    let mut slots = 0;
+    for material in &scene.materials {
+        for (slot, texture) in material.textures.iter().enumerate() {
+            if let Some(texture) = scene.textures.get(*texture as usize) {
+                let moved = (texture.set, texture.transform) != (plain.set, plain.transform);
+                slots |= 1 << slot | u32::from(moved) << 31;
+            }
+        }
+    }
+    slots
 }
 
 fn camera_place(scene: &Scene) -> CameraPlace {
@@ -192,6 +213,11 @@ fn alone(scene: &Scene, first: &PanoramaFrame, still: bool) -> std::result::Resu
     }
     if !still {
         return Err("the object may come to where something is inside it".to_owned());
+    }
+    let through =
+        |m: &packed::PackedMaterial| m.transmission > 0.0 || m.flags & (packed::MASKED | packed::BLENDED) != 0;
+    if scene.packed.materials.iter().any(through) {
+        return Err("one sees through the object, so it may see itself".to_owned());
     }
     // the tolerance is half the offset of rays from virtual surfaces, in the object's own units
     let rows =

@@ -65,7 +65,8 @@ impl PartialEq for Plan {
         let key = |plan: &Self| {
             let on: Vec<bool> = plan.parts.iter().map(|part| part.on).collect();
             let Facts { projection, color_size, depth_size, .. } = plan.facts;
-            (on, plan.size, projection, plan.looks_up(), plan.color_levels(), color_size, depth_size)
+            let slots = plan.constant(Part::Textures);
+            (on, plan.size, projection, plan.looks_up(), plan.color_levels(), color_size, depth_size, slots)
         };
         // switches of parts have no effect besides the parts themselves
         let switches = |name: &str| Part::ALL.iter().any(|part| part.is_switch() && part.row().setting == name);
@@ -135,6 +136,10 @@ impl Plan {
         let (facts, settings) = (&self.facts, &self.settings);
         let found =
             |what: &Option<String>, none: &str| (what.is_some(), what.clone().unwrap_or_else(|| none.to_owned()));
+        let of_materials = |none: &str| {
+            let at = Part::MATERIAL.iter().position(|other| *other == part);
+            found(&at.and_then(|at| facts.materials[at].clone()), none)
+        };
         let warmup = if self.on(Part::Relight) { settings.relight_warmup } else { 0 };
         let frames = facts.frames.map(|frames| frames.saturating_add(warmup));
         let screen = settings.virtual_tracer == VirtualTracer::Screen;
@@ -185,9 +190,17 @@ impl Plan {
             Part::Relight => {
                 because(facts.has_depth, "real surfaces see each other", "no real surface, as there is no depth")
             }
-            Part::Specular => found(&facts.specular, "all materials are pure Lambert"),
+            Part::Specular => of_materials("all materials are pure Lambert"),
+            Part::Emitters if screen => (false, "what rays meet is a guess (virtual_tracer = screen)".to_owned()),
+            Part::Emitters => found(&facts.emissive, "nothing shines"),
             Part::Emission => found(&facts.emissive, "nothing shines"),
-            Part::Textures => found(&facts.textured, "no material has a texture"),
+            Part::Textures => of_materials("no material has a texture"),
+            Part::Alpha => of_materials("all materials are opaque"),
+            Part::Transmission => of_materials("no material lets light through"),
+            Part::Clearcoat => of_materials("no material has a clear coat"),
+            Part::Sheen => of_materials("no material has sheen"),
+            Part::Anisotropy => of_materials("no material is anisotropic"),
+            Part::Iridescence => of_materials("no material has a thin film"),
             Part::Bounces if screen => (true, "what rays meet is a guess (virtual_tracer = screen)".to_owned()),
             Part::Bounces => (
                 facts.alone.is_err(),
@@ -201,6 +214,7 @@ impl Plan {
                 frames.map_or("frames follow each other".to_owned(), |n| count(n as usize, "frame", "frames")),
             ),
             Part::Motion if facts.video_frames > 1 && self.on(Part::Video) => (true, "the video changes".to_owned()),
+            Part::Deformation => found(&facts.deforming, "nothing changes its shape"),
             Part::Motion => found(&facts.moving, "nothing but the camera moves"),
             // without a history, all pixels are newly seen
             Part::SamplingMask if !settings.temporal && settings.short_history > 0 => {
@@ -266,11 +280,20 @@ impl Plan {
         Ok(self.with(&settings))
     }
 
+    /// The specialization constants of the parts that materials decide on.
+    pub fn materials(&self) -> [Constant; Part::MATERIAL.len()] {
+        Part::MATERIAL.map(|part| self.constant(part))
+    }
+
     /// A part's specialization constant. It says whether the part is on, or which of several ways is set.
     pub fn constant(&self, part: Part) -> Constant {
         part.constant(match part {
             Part::RealTracer => self.settings.real_tracer as u32,
             Part::LightTable => self.settings.directions as u32,
+            Part::Textures if self.on(part) => match self.facts.texture_slots {
+                0 => u32::MAX, // on without need
+                slots => slots,
+            },
             _ => u32::from(self.on(part)),
         })
     }

@@ -2,8 +2,10 @@
 
 use crate::{
     gpu::Constant,
+    scene::packed::{self, PackedMaterial},
     settings::{Method, Settings},
 };
+use glam::Vec3;
 use std::fmt::Write;
 
 /// One row of the table.
@@ -89,17 +91,52 @@ parts! {
     }
     Specular: "The GGX lobe." {
         name: "specular", setting: "specular", off: "off", needs: Some(Part::Objects), constant: Some("SPECULAR"),
-        off_where: "all materials have `specularFactor` 0 and metallic 0",
-        leaves_out: "the GGX lobe; the virtual layer of `irradiance_b`, `b`, `filtered_b`, `scratch_b`",
+        off_where: "all materials have `specularFactor` 0 and metallic 0, and no other lobe but Lambert's",
+        leaves_out: "the GGX lobe and all parts of materials that need it; the virtual layer of `irradiance_b`, `b`, `filtered_b`, `scratch_b`",
     }
     Emission: "Virtual surfaces that shine." {
         name: "emission", setting: "emission", off: "off", needs: Some(Part::Objects), constant: Some("EMISSION"),
         off_where: "no material shines",
         leaves_out: "the image, the code",
     }
+    Emitters: "The triangles that shine as something to draw directions from." {
+        name: "emitters", setting: "emitters", off: "off", needs: Some(Part::Emission), constant: Some("EMITTERS"),
+        off_where: "nothing shines",
+        leaves_out: "the aiming at them in `irradiance`",
+    }
     Textures: "Textures of virtual surfaces." {
         name: "textures", setting: "textures", off: "off", needs: Some(Part::Objects), constant: Some("TEXTURES"),
         off_where: "no material has any",
+        leaves_out: "the code",
+    }
+    Alpha: "Virtual surfaces with holes, or half transparent." {
+        name: "alpha", setting: "alpha", off: "off", needs: Some(Part::Objects), constant: Some("ALPHA"),
+        off_where: "all materials have alpha mode OPAQUE",
+        leaves_out: "the code that looks whether a hit is there and, if not, traces on",
+    }
+    Transmission: "Virtual surfaces that let light through." {
+        name: "transmission", setting: "transmission", off: "off", needs: Some(Part::Specular), constant: Some("TRANSMISSION"),
+        off_where: "no material has a `transmissionFactor`",
+        leaves_out: "the code",
+    }
+    Clearcoat: "Clear coats." {
+        name: "clearcoat", setting: "clearcoat", off: "off", needs: Some(Part::Specular), constant: Some("CLEARCOAT"),
+        off_where: "no material has a `clearcoatFactor`",
+        leaves_out: "the code",
+    }
+    Sheen: "Fibres over surfaces." {
+        name: "sheen", setting: "sheen", off: "off", needs: Some(Part::Specular), constant: Some("SHEEN"),
+        off_where: "no material has a `sheenColorFactor`",
+        leaves_out: "the code",
+    }
+    Anisotropy: "Surfaces that are rougher along one direction." {
+        name: "anisotropy", setting: "anisotropy", off: "off", needs: Some(Part::Specular), constant: Some("ANISOTROPY"),
+        off_where: "no material has an `anisotropyStrength`",
+        leaves_out: "the code",
+    }
+    Iridescence: "Thin films." {
+        name: "iridescence", setting: "iridescence", off: "off", needs: Some(Part::Specular), constant: Some("IRIDESCENCE"),
+        off_where: "no material has an `iridescenceFactor`",
         leaves_out: "the code",
     }
     Bounces: "Paths from one virtual surface to another." {
@@ -116,6 +153,11 @@ parts! {
         name: "motion", setting: "motion", off: "off", needs: Some(Part::Temporal), constant: Some("OBJECT_MOTION"),
         off_where: "nothing but the camera moves and the video has one frame",
         leaves_out: "objects' motion vectors, the search for what changes, the clamping pipeline",
+    }
+    Deformation: "Objects that change their shape." {
+        name: "deformation", setting: "deformation", off: "off", needs: Some(Part::Motion), constant: Some("DEFORMATION"),
+        off_where: "no object plays a clip that moves joints of a skin or weights of morph targets",
+        leaves_out: "the posing of vertices and their upload in every frame; such objects stand in their rest pose",
     }
     SamplingMask: "Tracing a share of the pixels." {
         name: "sampling_mask", setting: "sampling_mask", off: "false", needs: Some(Part::Objects), constant: None,
@@ -173,6 +215,34 @@ impl Part {
     /// Its specialization constant with a value. Making a pass fails if the part has none.
     pub fn constant(self, value: u32) -> Constant {
         (self.row().constant.unwrap_or(self.name()), value)
+    }
+
+    /// The parts that materials alone decide on. Passes that read materials compile them in.
+    pub const MATERIAL: [Self; 8] = [
+        Self::Specular,
+        Self::Textures,
+        Self::Alpha,
+        Self::Transmission,
+        Self::Clearcoat,
+        Self::Sheen,
+        Self::Anisotropy,
+        Self::Iridescence,
+    ];
+
+    /// Whether a material needs it. Only for parts of [`Part::MATERIAL`].
+    pub fn is_in(self, m: &PackedMaterial) -> bool {
+        let lobes = m.transmission > 0.0 || m.clearcoat > 0.0 || m.sheen_color != Vec3::ZERO;
+        match self {
+            Self::Specular => m.specular != 0.0 || m.metallic != 0.0 || lobes || m.flags & packed::BLENDED != 0,
+            Self::Textures => m.textures.iter().any(|texture| *texture != packed::NONE),
+            Self::Alpha => m.flags & (packed::MASKED | packed::BLENDED) != 0,
+            Self::Transmission => m.transmission > 0.0,
+            Self::Clearcoat => m.clearcoat > 0.0,
+            Self::Sheen => m.sheen_color != Vec3::ZERO,
+            Self::Anisotropy => m.anisotropy > 0.0,
+            Self::Iridescence => m.iridescence > 0.0,
+            _ => true,
+        }
     }
 
     /// The table as Markdown.

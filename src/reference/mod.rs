@@ -4,7 +4,6 @@
 pub mod cache;
 pub mod capture;
 pub mod denoise;
-pub mod lights;
 pub mod path_trace;
 pub mod stored;
 pub mod truth;

@@ -3,7 +3,6 @@
 //! Sums do not drift: the device adds [`BATCH`] samples in single precision, and the host adds batches in
 //! double.
 
-use super::lights::light_table;
 use crate::{
     Error, Result,
     gpu::{Bind, Buffer, Format, Gpu, Image, Threads, Ticket},
@@ -13,7 +12,10 @@ use crate::{
         scene::{SceneBuffers, relative_to},
         view::ViewData,
     },
+    plan::facts::material_constants,
     scene::{
+        deform,
+        lights::light_table,
         packed::{PackedInstances, PackedScene},
         viewpoint::Viewpoint,
     },
@@ -158,12 +160,13 @@ impl PathTracer {
                 "give a width and a height of at least 1",
             ));
         }
+        let scene = &deform::patched(scene, &state.patches);
         let table = light_table(scene, state);
         let mut punctual = state.lights.clone();
         punctual.iter_mut().for_each(|light| light.position -= centre);
         let buffers = SceneBuffers::new(gpu, scene, state.instances.len())?;
         let mut upload = gpu.frame()?;
-        buffers.upload(&mut upload, &relative_to(centre, state.clone()), &[])?;
+        buffers.upload(&mut upload, scene, &relative_to(centre, state.clone()), &[])?;
         upload.run()?;
         let instance_count = state.instances.len() as u32;
         let mut view = ViewData { size, seed: settings.seed, instance_count, ..Default::default() };
@@ -180,7 +183,7 @@ impl PathTracer {
         let image = |name| Ok((name, gpu.image(name, size, 1, 1, Format::Rgba32f)?));
         Ok(Self {
             gpu: gpu.clone(),
-            kernel: Kernel::new::<Push>(gpu, "path_trace", shaders::PATH_TRACE, &[])?,
+            kernel: Kernel::new::<Push>(gpu, "path_trace", shaders::PATH_TRACE, &material_constants(scene))?,
             scene: buffers,
             view,
             view_buffer: gpu.buffer("path_trace view", size_of::<ViewData>() as u64)?,

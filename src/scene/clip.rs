@@ -1,4 +1,4 @@
-//! glTF animation clips of rigid nodes.
+//! glTF animation clips.
 
 use super::{animation::Transform, model::Local};
 use glam::{Quat, Vec4};
@@ -33,23 +33,55 @@ pub struct Channel {
     pub values: Vec<Vec4>,
 }
 
-/// A named set of channels. It is played in a loop.
+/// The moved weights of one node's morph targets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weights {
+    /// The index into the model's nodes.
+    pub node: usize,
+    pub join: Join,
+    /// As in [`Channel`].
+    pub times: Vec<f32>,
+    /// The weights of each time, one list after another; three lists for [`Join::CubicSpline`].
+    pub values: Vec<f32>,
+}
+
+/// A named set of channels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
     pub name: String,
     pub channels: Vec<Channel>,
+    pub weights: Vec<Weights>,
+    /// Whether it ends with its last key, and does not repeat.
+    pub hold: bool,
+    /// What of it has been played at time 0, seconds.
+    pub offset: f64,
 }
 
 impl Clip {
     /// Returns the seconds from 0 to the last key.
     pub fn duration(&self) -> f32 {
-        self.channels.iter().filter_map(|channel| channel.times.last()).fold(0.0, |a, b| a.max(*b))
+        let ends = self.channels.iter().map(|channel| &channel.times).chain(self.weights.iter().map(|w| &w.times));
+        ends.filter_map(|times| times.last()).fold(0.0, |a, b| a.max(*b))
     }
 
-    /// Sets the locals that the clip moves. The clip repeats.
+    /// Returns the place in the clip at a time, both in seconds.
+    fn place(&self, time: f64) -> f32 {
+        let (time, duration) = (time + self.offset, f64::from(self.duration()));
+        if duration <= 0.0 {
+            return 0.0;
+        }
+        (if self.hold { time.clamp(0.0, duration) } else { time.rem_euclid(duration) }) as f32
+    }
+
+    /// Returns the weights that the clip gives a node's morph targets, if it moves them.
+    pub fn weights_at(&self, node: usize, time: f64) -> Option<Vec<f32>> {
+        let place = self.place(time);
+        self.weights.iter().find(|weights| weights.node == node).map(|weights| weights.at(place))
+    }
+
+    /// Sets the locals that the clip moves.
     pub fn apply(&self, time: f64, locals: &mut [Local]) {
-        let duration = f64::from(self.duration());
-        let time = if duration > 0.0 { time.rem_euclid(duration) } else { 0.0 } as f32;
+        let time = self.place(time);
         for channel in &self.channels {
             // An animated node has no matrix (glTF forbids it). One that does is moved from the origin.
             let mut transform = match locals[channel.node] {
@@ -64,6 +96,24 @@ impl Clip {
             }
             locals[channel.node] = Local::Transform(transform);
         }
+    }
+}
+
+impl Weights {
+    fn at(&self, time: f32) -> Vec<f32> {
+        let per_key = if self.join == Join::CubicSpline { 3 } else { 1 };
+        let count = self.values.len() / (self.times.len() * per_key).max(1);
+        let of = |target: usize| {
+            let channel = Channel {
+                node: self.node,
+                property: Property::Translation,
+                join: self.join,
+                times: self.times.clone(),
+                values: self.values.iter().skip(target).step_by(count).map(|value| Vec4::splat(*value)).collect(),
+            };
+            channel.at(time).x
+        };
+        (0..count).map(of).collect()
     }
 }
 
@@ -133,8 +183,8 @@ mod tests {
     #[test]
     fn clips_repeat_and_rotations_slerp() {
         let quarter = Vec4::from(Quat::from_rotation_y(1.0));
+        let clip = Clip { name: "turn".into(), ..Clip::default() };
         let clip = Clip {
-            name: "turn".into(),
             channels: vec![Channel {
                 node: 0,
                 property: Property::Rotation,
@@ -142,11 +192,24 @@ mod tests {
                 times: vec![0.0, 2.0],
                 values: vec![Vec4::W, quarter],
             }],
+            ..clip
         };
         let mut locals = [Local::Transform(Transform::IDENTITY)];
         clip.apply(2.5, &mut locals);
         let Local::Transform(transform) = locals[0] else { panic!("a transform stays one") };
         assert!(transform.rotation.angle_between(Quat::from_rotation_y(0.25)) < 1e-3);
         assert_eq!(transform.translation, glam::Vec3::ZERO);
+    }
+
+    #[test]
+    fn clips_can_begin_later_and_hold_and_move_weights() {
+        let weights = Weights { node: 2, join: Join::Linear, times: vec![0.0, 2.0], values: vec![0.0, 1.0, 1.0, 0.5] };
+        let clip = Clip { weights: vec![weights], ..Clip::default() };
+        assert_eq!(clip.weights_at(2, 1.0), Some(vec![0.5, 0.75]));
+        assert_eq!(clip.weights_at(2, 2.5), Some(vec![0.25, 0.875]), "it repeats");
+        assert_eq!(clip.weights_at(1, 0.0), None);
+        let late = Clip { hold: true, offset: 0.5, ..clip };
+        assert_eq!(late.weights_at(2, 0.5), Some(vec![0.5, 0.75]));
+        assert_eq!(late.weights_at(2, 9.0), Some(vec![1.0, 0.5]), "it holds");
     }
 }

@@ -70,7 +70,8 @@ impl CompleteScene {
         let [a, b] = [a, b].map(|time| {
             let state = self.at(time);
             let places: Vec<_> = state.instances.instances.iter().map(|instance| instance.object_to_world).collect();
-            (places, state.camera)
+            let shapes: Vec<_> = state.instances.patches.into_iter().map(|patch| patch.triangles).collect();
+            (places, shapes, state.camera)
         });
         a == b
     }
@@ -103,7 +104,14 @@ fn content(camera: &CameraTrack, objects: &[Object]) -> String {
             );
             part(bytemuck::cast_slice(&texture.texels));
         }
-        let rest = (&model.materials, &model.rig, &model.lights, placement, clip, speed);
+        for mesh in &model.meshes {
+            part(bytemuck::cast_slice(&mesh.colors));
+            part(bytemuck::cast_slice(&mesh.uvs2));
+        }
+        for material in &model.materials {
+            part(material.description().as_bytes());
+        }
+        let rest = (&model.rig, &model.lights, placement, clip, speed);
         part(format!("{rest:?}").as_bytes());
     }
     hasher.finalize().to_hex()[..32].to_owned()

@@ -73,9 +73,15 @@ pub struct ObjectSpec {
     /// The largest side of a glTF model in metres, in place of its own.
     pub side: Option<f32>,
     /// The glTF animation that is played: `None` plays the first one if there is any, `"none"` none.
+    /// The name of one of the glTF's material variants.
+    pub variant: Option<String>,
     pub clip: Option<String>,
     /// A factor on the clip's time.
     pub speed: f64,
+    /// What of the clip has been played at time 0, seconds.
+    pub offset: f64,
+    /// Whether the clip ends with its last key, and does not repeat.
+    pub hold: bool,
     pub material: Option<MaterialOverride>,
 }
 
@@ -123,8 +129,7 @@ pub fn parse(path: &Path, text: &str) -> Result<SceneFile, Vec<Error>> {
     };
     let start = panorama.as_ref().map_or(Vec3::ZERO, |panorama| panorama.position);
     let camera = root.table("camera", &CAMERA_KEYS).map(|fields| read_camera(&fields, start));
-    let objects: Vec<_> =
-        root.tables("object", OBJECT_KEYS).iter().filter_map(|fields| read_object(fields, &mut warnings)).collect();
+    let objects: Vec<_> = root.tables("object", OBJECT_KEYS).iter().filter_map(|fields| read_object(fields)).collect();
     let room = root.table("room", &["gltf"]).and_then(|fields| {
         if !fields.has("gltf") {
             fields.complain("gltf", "is missing", "name the glTF file of the true room");
@@ -237,10 +242,45 @@ fn key_time(key: &FieldTable) -> Option<f64> {
     key.number("time")
 }
 
-const OBJECT_KEYS: &[&str] =
-    &["name", "gltf", "shape", "size", "place", "translation", "rotation", "scale", "clip", "speed", "material", "key"];
+const OBJECT_KEYS: &[&str] = &[
+    "name",
+    "gltf",
+    "variant",
+    "shape",
+    "size",
+    "place",
+    "translation",
+    "rotation",
+    "scale",
+    "clip",
+    "speed",
+    "offset",
+    "repeat",
+    "material",
+    "key",
+];
 
-fn read_object(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<ObjectSpec> {
+const MATERIAL_KEYS: &[&str] = &[
+    "base_color",
+    "metallic",
+    "roughness",
+    "specular",
+    "ior",
+    "emissive",
+    "transmission",
+    "thickness",
+    "attenuation_color",
+    "attenuation_distance",
+    "clearcoat",
+    "clearcoat_roughness",
+    "sheen_color",
+    "sheen_roughness",
+    "anisotropy",
+    "iridescence",
+    "iridescence_thickness",
+];
+
+fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
     let shape = fields.word("shape", &Shape::NAMES).map(|index| Shape::ALL[index]);
     let gltf = fields.file_path("gltf");
     if fields.has("gltf") == fields.has("shape") {
@@ -272,15 +312,20 @@ fn read_object(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<Object
         }
     }
     if fields.has("shape") {
-        for key in ["clip", "speed"].into_iter().filter(|key| fields.has(key)) {
+        for key in ["clip", "speed", "offset", "repeat"].into_iter().filter(|key| fields.has(key)) {
             fields.complain(key, "a shape has no animation clips", "use key frames: key = [ … ]");
         }
+        if fields.has("variant") {
+            fields.complain("variant", "a shape has no variants", "leave variant out");
+        }
     }
-    let known = ["base_color", "metallic", "roughness", "specular", "transmission", "ior", "emissive"];
-    let material = fields.table("material", &known).map(|material| read_material(&material, warnings));
+    let material = fields.table("material", MATERIAL_KEYS).map(|material| read_material(&material));
     let (placement, place) = (read_placement(fields), read_place(fields));
     let clip = fields.string("clip").map(str::to_owned);
+    let variant = fields.string("variant").map(str::to_owned);
     let speed = fields.number("speed").unwrap_or(1.0);
+    let offset = fields.number("offset").unwrap_or(0.0);
+    let hold = fields.word("repeat", &["loop", "hold"]) == Some(1);
     let source = match (gltf, shape) {
         (Some(path), None) => ObjectSource::Gltf(path),
         (None, Some(shape)) => ObjectSource::Shape(shape, size.unwrap_or(Vec3::ONE)),
@@ -293,11 +338,12 @@ fn read_object(fields: &FieldTable, warnings: &mut Vec<String>) -> Option<Object
         ObjectSource::Shape(shape, _) => Shape::NAMES[*shape as usize].to_owned(),
     };
     let name = fields.string("name").map_or_else(default_name, str::to_owned);
-    Some(ObjectSpec { name, source, placement, place, side, clip, speed, material })
+    Some(ObjectSpec { name, source, placement, place, side, variant, clip, speed, offset, hold, material })
 }
 
-fn read_material(fields: &FieldTable, warnings: &mut Vec<String>) -> MaterialOverride {
+fn read_material(fields: &FieldTable) -> MaterialOverride {
     let part = |key: &str| fields.number_in(key, "from 0 to 1", |v| (0.0..=1.0).contains(&v)).map(|v| v as f32);
+    let length = |key: &str| fields.number_in(key, "from 0", |v| (0.0..=1e9).contains(&v)).map(|v| v as f32);
     let color = |key: &str, most: f64| {
         let values = fields.vector(key)?;
         if values.iter().any(|v| *v < 0.0 || *v > most) {
@@ -306,10 +352,6 @@ fn read_material(fields: &FieldTable, warnings: &mut Vec<String>) -> MaterialOve
         }
         Some(vec3(values))
     };
-    if part("transmission").is_some_and(|transmission| transmission > 0.0) {
-        let subject = fields.subject("transmission");
-        warnings.push(format!("{subject}: transmission is not supported yet: drawn opaque"));
-    }
     MaterialOverride {
         base_color: color("base_color", 1.0),
         metallic: part("metallic"),
@@ -317,6 +359,17 @@ fn read_material(fields: &FieldTable, warnings: &mut Vec<String>) -> MaterialOve
         specular: part("specular"),
         ior: fields.number_in("ior", "from 1 to 10", |v| (1.0..=10.0).contains(&v)).map(|v| v as f32),
         emissive: color("emissive", 1e9),
+        transmission: part("transmission"),
+        thickness: length("thickness"),
+        attenuation_color: color("attenuation_color", 1.0),
+        attenuation_distance: length("attenuation_distance").filter(|distance| *distance > 0.0),
+        clearcoat: part("clearcoat"),
+        clearcoat_roughness: part("clearcoat_roughness"),
+        sheen_color: color("sheen_color", 1.0),
+        sheen_roughness: part("sheen_roughness"),
+        anisotropy: part("anisotropy"),
+        iridescence: part("iridescence"),
+        iridescence_thickness: length("iridescence_thickness"),
     }
 }
 

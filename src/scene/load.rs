@@ -133,7 +133,7 @@ impl CompleteScene {
         if !room.is_file() {
             return Err(missing(path, "room.gltf", room));
         }
-        let mut room = Model::clone(&*loader.gltf(room)?);
+        let mut room = Model::clone(&*loader.gltf(room, None)?);
         for material in &mut room.materials {
             material.emissive *= file.panorama.exposure;
         }
@@ -217,7 +217,7 @@ fn assemble(
 /// Loads each glTF file once.
 struct Loader<'a> {
     scene: &'a Path,
-    models: HashMap<PathBuf, Arc<Model>>,
+    models: HashMap<(PathBuf, Option<String>), Arc<Model>>,
     /// By source and material.
     alike: HashMap<String, Arc<Model>>,
     warnings: Vec<String>,
@@ -234,7 +234,7 @@ impl<'a> Loader<'a> {
         {
             return Err(missing(self.scene, &format!("object {}: gltf", spec.name), path));
         }
-        let model = self.model(spec)?;
+        let mut model = self.model(spec)?;
         let clips = &model.rig.clips;
         let clip = match spec.clip.as_deref() {
             Some("none") => None,
@@ -247,6 +247,11 @@ impl<'a> Loader<'a> {
                 Error::input(subject, format!("there is no clip \"{name}\""), remedy)
             })?),
         };
+        if let Some(clip) = clip.filter(|_| spec.hold || spec.offset != 0.0) {
+            let mut changed = (*model).clone();
+            (changed.rig.clips[clip].hold, changed.rig.clips[clip].offset) = (spec.hold, spec.offset);
+            model = Arc::new(changed);
+        }
         let (name, placement) = (spec.name.clone(), spec.placement.clone());
         let mut object = Object { name, model, placement, clip, speed: spec.speed };
         if let Some(side) = spec.side {
@@ -257,12 +262,12 @@ impl<'a> Loader<'a> {
 
     /// Returns the model of an object. Objects that look the same share it.
     fn model(&mut self, spec: &ObjectSpec) -> Result<Arc<Model>> {
-        let key = format!("{:?} {:?}", spec.source, spec.material);
+        let key = format!("{:?} {:?} {:?}", spec.source, spec.variant, spec.material);
         if let Some(model) = self.alike.get(&key) {
             return Ok(model.clone());
         }
         let mut model = match &spec.source {
-            ObjectSource::Gltf(path) => self.gltf(path)?,
+            ObjectSource::Gltf(path) => self.gltf(path, spec.variant.as_deref())?,
             ObjectSource::Shape(shape, size) => {
                 // Grey plastic serves better here than glTF's default, a white metal.
                 let material = Material::plain(&spec.name, Vec3::splat(0.8), 0.5);
@@ -278,14 +283,15 @@ impl<'a> Loader<'a> {
         Ok(model)
     }
 
-    fn gltf(&mut self, path: &Path) -> Result<Arc<Model>> {
-        if let Some(model) = self.models.get(path) {
+    fn gltf(&mut self, path: &Path, variant: Option<&str>) -> Result<Arc<Model>> {
+        let key = (path.to_path_buf(), variant.map(str::to_owned));
+        if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
-        let (model, warnings) = gltf::load(path)?;
+        let (model, warnings) = gltf::load_variant(path, variant)?;
         self.warnings.extend(warnings);
         let model = Arc::new(model);
-        self.models.insert(path.to_path_buf(), model.clone());
+        self.models.insert(key, model.clone());
         Ok(model)
     }
 }

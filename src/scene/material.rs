@@ -1,75 +1,198 @@
 //! Materials and textures as they are loaded or made, before they are packed for the GPU.
 
 use super::packed;
-use glam::Vec3;
+use glam::{Affine2, Vec2, Vec3};
 
-/// A glTF 2.0 metallic–roughness material. Factors are linear. Texture fields are indices into the model's
-/// textures.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Material {
-    pub name: String,
-    /// 0..1, Rec. 709.
-    pub base_color: Vec3,
-    /// 0..1.
-    pub metallic: f32,
-    /// 0..1, perceptual: α = roughness².
-    pub roughness: f32,
-    /// Emitted radiance.
-    pub emissive: Vec3,
-    /// KHR_materials_specular: 0 is pure Lambert.
-    pub specular: f32,
-    /// KHR_materials_specular: tint of the dielectric F0.
-    pub specular_color: Vec3,
-    /// Index of refraction of the dielectric; 1.5 is F0 = 0.04.
-    pub ior: f32,
-    /// A factor on x and y of the normal map.
-    pub normal_scale: f32,
-    /// Whether it is seen from both sides.
-    pub double_sided: bool,
-    /// RGB, sRGB-encoded.
-    pub base_color_texture: Option<usize>,
-    /// G roughness, B metallic, linear.
-    pub metallic_roughness_texture: Option<usize>,
-    pub normal_texture: Option<usize>,
-    /// RGB, sRGB-encoded.
-    pub emissive_texture: Option<usize>,
-    /// A, linear.
-    pub specular_texture: Option<usize>,
-    /// RGB, sRGB-encoded.
-    pub specular_color_texture: Option<usize>,
-    /// Whether the colours of vertices tint what is emitted, and not what is reflected.
-    pub unlit: bool,
+/// Declares the textures that a material can have.
+macro_rules! slots {
+    ($( $(#[$doc:meta])* $slot:ident = $name:literal, $encoding:ident; )*) => {
+        /// A texture of a material. Importer, packed scene and shaders call it by one name: `SLOT_` and its name
+        /// in capitals is its number in `bind/scene.glsl`.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum Slot { $( $(#[$doc])* $slot, )* }
+
+        impl Slot {
+            /// All slots, in the order of their numbers.
+            pub const ALL: [Self; SLOTS] = [ $( Self::$slot, )* ];
+
+            /// Returns its name.
+            pub const fn name(self) -> &'static str {
+                match self { $( Self::$slot => $name, )* }
+            }
+
+            /// Returns what its texels mean.
+            pub const fn encoding(self) -> TexelEncoding {
+                match self { $( Self::$slot => TexelEncoding::$encoding, )* }
+            }
+        }
+    };
 }
 
-impl Default for Material {
-    /// Returns glTF's default: white, metallic 1, roughness 1.
-    fn default() -> Self {
-        Self {
-            name: String::new(),
-            base_color: Vec3::ONE,
-            metallic: 1.0,
-            roughness: 1.0,
-            emissive: Vec3::ZERO,
-            specular: 1.0,
-            specular_color: Vec3::ONE,
-            ior: 1.5,
-            normal_scale: 1.0,
-            double_sided: false,
-            base_color_texture: None,
-            metallic_roughness_texture: None,
-            normal_texture: None,
-            emissive_texture: None,
-            specular_texture: None,
-            specular_color_texture: None,
-            unlit: false,
-        }
+/// The number of textures that a material can have.
+pub const SLOTS: usize = 15;
+
+slots! {
+    /// RGB colour, A alpha.
+    BaseColor = "base_color", Srgb;
+    /// G roughness, B metallic.
+    MetallicRoughness = "metallic_roughness", Linear;
+    Normal = "normal", Normal;
+    Emissive = "emissive", Srgb;
+    /// A.
+    Specular = "specular", Linear;
+    SpecularColor = "specular_color", Srgb;
+    /// R.
+    Transmission = "transmission", Linear;
+    /// R.
+    Clearcoat = "clearcoat", Linear;
+    /// G.
+    ClearcoatRoughness = "clearcoat_roughness", Linear;
+    ClearcoatNormal = "clearcoat_normal", Normal;
+    SheenColor = "sheen_color", Srgb;
+    /// A.
+    SheenRoughness = "sheen_roughness", Linear;
+    /// RG direction, B strength.
+    Anisotropy = "anisotropy", Linear;
+    /// R.
+    Iridescence = "iridescence", Linear;
+    /// G.
+    IridescenceThickness = "iridescence_thickness", Linear;
+}
+
+/// A texture as one material uses it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureUse {
+    /// The index into the model's textures.
+    pub texture: usize,
+    /// Which of the vertices' two coordinate sets it is read by.
+    pub set: usize,
+    /// How it lies on them (KHR_texture_transform).
+    pub transform: Affine2,
+}
+
+impl TextureUse {
+    /// A texture that lies on the first coordinates as they are.
+    pub const fn plain(texture: usize) -> Self {
+        Self { texture, set: 0, transform: Affine2::IDENTITY }
     }
+
+    /// Says whether it does.
+    pub fn is_plain(&self) -> bool {
+        *self == Self::plain(self.texture)
+    }
+}
+
+/// What of a surface is there (glTF's `alphaMode`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Alpha {
+    /// All of it.
+    Opaque,
+    /// Where alpha is at least this.
+    Mask(f32),
+    /// A share: alpha.
+    Blend,
+}
+
+/// Declares the material, so that the fields that differ from the default are known.
+macro_rules! material {
+    ($( $(#[$doc:meta])* $field:ident: $ty:ty = $default:expr, )*) => {
+        /// A glTF 2.0 metallic–roughness material with the extensions that add lobes. Factors are linear.
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct Material {
+            pub name: String,
+            $( $(#[$doc])* pub $field: $ty, )*
+        }
+
+        impl Default for Material {
+            /// Returns glTF's default: white, metallic 1, roughness 1.
+            fn default() -> Self {
+                Self { name: String::new(), $( $field: $default, )* }
+            }
+        }
+
+        impl Material {
+            /// Describes what differs from the default, the name aside. So what is added to materials later does
+            /// not change the description of those that lack it.
+            pub fn description(&self) -> String {
+                let default = Self::default();
+                let mut text = String::new();
+                $( if self.$field != default.$field {
+                    text += &format!("{}: {:?}; ", stringify!($field), self.$field);
+                } )*
+                text
+            }
+        }
+    };
+}
+
+material! {
+    /// 0..1, Rec. 709.
+    base_color: Vec3 = Vec3::ONE,
+    /// 0..1.
+    metallic: f32 = 1.0,
+    /// 0..1, perceptual: α = roughness².
+    roughness: f32 = 1.0,
+    /// Emitted radiance.
+    emissive: Vec3 = Vec3::ZERO,
+    /// KHR_materials_specular: 0 is pure Lambert.
+    specular: f32 = 1.0,
+    /// KHR_materials_specular: tint of the dielectric F0.
+    specular_color: Vec3 = Vec3::ONE,
+    /// Index of refraction of the dielectric; 1.5 is F0 = 0.04.
+    ior: f32 = 1.5,
+    /// A factor on x and y of the normal map.
+    normal_scale: f32 = 1.0,
+    /// Whether it is seen from both sides.
+    double_sided: bool = false,
+    /// What of it is there.
+    alpha_mode: Alpha = Alpha::Opaque,
+    /// A factor on alpha.
+    alpha: f32 = 1.0,
+    /// KHR_materials_transmission: the share of what the GGX lobe leaves that passes instead of being scattered.
+    transmission: f32 = 0.0,
+    /// KHR_materials_volume: above 0 it bounds a solid, which refracts and absorbs. Else it is a thin sheet.
+    thickness: f32 = 0.0,
+    /// KHR_materials_volume: what is left of light after `attenuation_distance`.
+    attenuation_color: Vec3 = Vec3::ONE,
+    /// Metres.
+    attenuation_distance: f32 = f32::INFINITY,
+    /// KHR_materials_clearcoat: how much of a clear coat of F0 = 0.04 covers it, 0..1.
+    clearcoat: f32 = 0.0,
+    /// 0..1, perceptual.
+    clearcoat_roughness: f32 = 0.0,
+    /// A factor on x and y of the coat's normal map.
+    clearcoat_normal_scale: f32 = 1.0,
+    /// KHR_materials_sheen: the albedo of fibres over it, 0..1.
+    sheen_color: Vec3 = Vec3::ZERO,
+    /// 0..1, perceptual.
+    sheen_roughness: f32 = 0.0,
+    /// KHR_materials_anisotropy: how much rougher it is along the tangent, 0..1.
+    anisotropy: f32 = 0.0,
+    /// Radians from the tangent to the bitangent.
+    anisotropy_rotation: f32 = 0.0,
+    /// KHR_materials_iridescence: how much of a thin film covers it, 0..1.
+    iridescence: f32 = 0.0,
+    /// The film's index of refraction.
+    iridescence_ior: f32 = 1.3,
+    /// The film's thickness where its texture is 0 and where it is 1, nanometres. Without a texture it is the second.
+    iridescence_thickness: Vec2 = Vec2::new(100.0, 400.0),
+    /// Whether vertices' colours tint what is emitted, and not what is reflected.
+    unlit: bool = false,
+    /// By [`Slot`].
+    textures: [Option<TextureUse>; SLOTS] = [None; SLOTS],
 }
 
 impl Material {
     /// Returns the material that shows its colour whatever the light is (KHR_materials_unlit): it emits the
     /// colour, and reflects nothing.
     pub fn unlit(self) -> Self {
+        let mut textures = [None; SLOTS];
+        textures[Slot::Emissive as usize] = self.texture(Slot::BaseColor);
+        // Its alpha stays.
+        textures[Slot::BaseColor as usize] = match self.alpha_mode {
+            Alpha::Opaque => None,
+            _ => self.texture(Slot::BaseColor),
+        };
         Self {
             name: self.name,
             base_color: Vec3::ZERO,
@@ -77,8 +200,10 @@ impl Material {
             emissive: self.base_color,
             specular: 0.0,
             double_sided: self.double_sided,
-            emissive_texture: self.base_color_texture,
+            alpha_mode: self.alpha_mode,
+            alpha: self.alpha,
             unlit: true,
+            textures,
             ..Self::default()
         }
     }
@@ -88,24 +213,36 @@ impl Material {
         Self { name: name.to_owned(), base_color, metallic: 0.0, roughness, ..Self::default() }
     }
 
-    /// Returns the same material with `first` added to the number of each texture.
-    pub fn with_textures_from(mut self, first: usize) -> Self {
-        for texture in [
-            &mut self.base_color_texture,
-            &mut self.metallic_roughness_texture,
-            &mut self.normal_texture,
-            &mut self.emissive_texture,
-            &mut self.specular_texture,
-            &mut self.specular_color_texture,
-        ] {
-            *texture = texture.map(|index| index + first);
-        }
+    /// Returns the texture in a slot.
+    pub fn texture(&self, slot: Slot) -> Option<TextureUse> {
+        self.textures[slot as usize]
+    }
+
+    /// Returns the same material with a texture that lies on the first coordinates.
+    pub fn with_texture(mut self, slot: Slot, texture: usize) -> Self {
+        self.textures[slot as usize] = Some(TextureUse::plain(texture));
         self
     }
 
-    /// Packs it as the shaders read it. Texture `i` of the model is texture `first_texture + i` of the scene.
-    pub fn pack(&self, first_texture: u32) -> packed::PackedMaterial {
-        let texture = |index: Option<usize>| index.map_or(packed::NONE, |index| first_texture + index as u32);
+    /// Returns the same material with `first` added to the number of each texture.
+    pub fn with_textures_from(mut self, first: usize) -> Self {
+        self.textures.iter_mut().flatten().for_each(|texture| texture.texture += first);
+        self
+    }
+
+    /// Packs it as the shaders read it. `textures` are the indices of its textures in the scene, by slot.
+    pub fn pack(&self, textures: [u32; SLOTS]) -> packed::PackedMaterial {
+        let (alpha_flag, alpha_cutoff) = match self.alpha_mode {
+            Alpha::Opaque => (0, 0.0),
+            Alpha::Mask(cutoff) => (packed::MASKED, cutoff),
+            Alpha::Blend => (packed::BLENDED, 0.0),
+        };
+        let flags = [
+            (self.double_sided, packed::DOUBLE_SIDED),
+            (self.unlit, packed::UNLIT),
+            (self.thickness > 0.0, packed::SOLID),
+        ];
+        let extinction = |color: f32| -(color.max(1e-6).ln()) / self.attenuation_distance;
         packed::PackedMaterial {
             base_color: self.base_color,
             metallic: self.metallic,
@@ -115,13 +252,22 @@ impl Material {
             specular: self.specular,
             ior: self.ior,
             normal_scale: self.normal_scale,
-            flags: u32::from(self.double_sided) | (u32::from(self.unlit) << 1),
-            base_color_texture: texture(self.base_color_texture),
-            metallic_roughness_texture: texture(self.metallic_roughness_texture),
-            normal_texture: texture(self.normal_texture),
-            emissive_texture: texture(self.emissive_texture),
-            specular_texture: texture(self.specular_texture),
-            specular_color_texture: texture(self.specular_color_texture),
+            flags: flags.iter().filter(|(is, _)| *is).fold(alpha_flag, |all, (_, flag)| all | flag),
+            alpha: self.alpha,
+            alpha_cutoff,
+            transmission: self.transmission,
+            extinction: self.attenuation_color.map(extinction),
+            clearcoat: self.clearcoat,
+            clearcoat_roughness: self.clearcoat_roughness,
+            clearcoat_normal_scale: self.clearcoat_normal_scale,
+            sheen_color: self.sheen_color,
+            sheen_roughness: self.sheen_roughness,
+            anisotropy: self.anisotropy,
+            anisotropy_direction: Vec2::from_angle(self.anisotropy_rotation),
+            iridescence: self.iridescence,
+            iridescence_ior: self.iridescence_ior,
+            iridescence_thickness: self.iridescence_thickness,
+            textures,
         }
     }
 }
@@ -136,6 +282,17 @@ pub struct MaterialOverride {
     pub specular: Option<f32>,
     pub ior: Option<f32>,
     pub emissive: Option<Vec3>,
+    pub transmission: Option<f32>,
+    pub thickness: Option<f32>,
+    pub attenuation_color: Option<Vec3>,
+    pub attenuation_distance: Option<f32>,
+    pub clearcoat: Option<f32>,
+    pub clearcoat_roughness: Option<f32>,
+    pub sheen_color: Option<Vec3>,
+    pub sheen_roughness: Option<f32>,
+    pub anisotropy: Option<f32>,
+    pub iridescence: Option<f32>,
+    pub iridescence_thickness: Option<f32>,
 }
 
 impl MaterialOverride {
@@ -144,30 +301,51 @@ impl MaterialOverride {
         for material in materials {
             if let Some(color) = self.base_color {
                 material.base_color = color;
-                material.base_color_texture = None;
+                material.textures[Slot::BaseColor as usize] = None;
             }
             if self.metallic.is_some() && self.roughness.is_some() {
-                material.metallic_roughness_texture = None;
-            } else if let Some(texture) = material.metallic_roughness_texture {
+                material.textures[Slot::MetallicRoughness as usize] = None;
+            } else if let Some(used) = &mut material.textures[Slot::MetallicRoughness as usize] {
                 // The other channel must stay, so a copy of the texture is made in which this one is 1.
                 for (given, channel) in [(self.roughness, 1), (self.metallic, 2)] {
                     if given.is_some() {
-                        let copy = textures[texture].with_channel_at_one(channel);
+                        let copy = textures[used.texture].with_channel_at_one(channel);
                         textures.push(copy);
-                        material.metallic_roughness_texture = Some(textures.len() - 1);
+                        used.texture = textures.len() - 1;
                     }
                 }
             }
             material.metallic = self.metallic.unwrap_or(material.metallic);
             material.roughness = self.roughness.unwrap_or(material.roughness);
-            if let Some(specular) = self.specular {
-                material.specular = specular;
-                material.specular_texture = None;
-            }
             material.ior = self.ior.unwrap_or(material.ior);
-            if let Some(emissive) = self.emissive {
-                material.emissive = emissive;
-                material.emissive_texture = None;
+            material.thickness = self.thickness.unwrap_or(material.thickness);
+            material.attenuation_color = self.attenuation_color.unwrap_or(material.attenuation_color);
+            material.attenuation_distance = self.attenuation_distance.unwrap_or(material.attenuation_distance);
+            let texture = &mut material.textures;
+            let mut numbers = [
+                (self.specular, &mut material.specular, Slot::Specular),
+                (self.transmission, &mut material.transmission, Slot::Transmission),
+                (self.clearcoat, &mut material.clearcoat, Slot::Clearcoat),
+                (self.clearcoat_roughness, &mut material.clearcoat_roughness, Slot::ClearcoatRoughness),
+                (self.sheen_roughness, &mut material.sheen_roughness, Slot::SheenRoughness),
+                (self.anisotropy, &mut material.anisotropy, Slot::Anisotropy),
+                (self.iridescence, &mut material.iridescence, Slot::Iridescence),
+                (self.iridescence_thickness, &mut material.iridescence_thickness.y, Slot::IridescenceThickness),
+            ];
+            for (given, value, slot) in &mut numbers {
+                if let Some(given) = given {
+                    **value = *given;
+                    texture[*slot as usize] = None;
+                }
+            }
+            for (given, value, slot) in [
+                (self.emissive, &mut material.emissive, Slot::Emissive),
+                (self.sheen_color, &mut material.sheen_color, Slot::SheenColor),
+            ] {
+                if let Some(given) = given {
+                    *value = given;
+                    texture[slot as usize] = None;
+                }
             }
         }
     }
@@ -213,5 +391,27 @@ impl Texture {
             texel[channel] = 255;
         }
         copy
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shaders_number_the_slots_alike() {
+        let text = include_str!("../../shaders/glsl/bind/scene.glsl");
+        for slot in Slot::ALL {
+            let line = format!("const uint SLOT_{} = {}u;", slot.name().to_uppercase(), slot as u32);
+            assert!(text.contains(&line), "{line}");
+        }
+        assert_eq!(text.matches("const uint SLOT_").count(), SLOTS);
+    }
+
+    #[test]
+    fn descriptions_name_what_is_not_the_default() {
+        assert_eq!(Material { name: "any".into(), ..Material::default() }.description(), "");
+        let described = Material::plain("any", Vec3::ONE, 0.5).with_texture(Slot::Normal, 3).description();
+        assert!(described.starts_with("metallic: 0.0; roughness: 0.5; textures: [None, None, Some("), "{described}");
     }
 }

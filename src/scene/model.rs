@@ -4,10 +4,12 @@
 use super::{
     animation::Transform,
     clip::Clip,
+    deform::Deform,
     material::{Material, Texture},
     punctual::PunctualLight,
 };
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
+use std::{borrow::Cow, sync::Arc};
 
 /// Triangles in object space, metres. All per-vertex arrays have the length of `positions`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,12 +23,16 @@ pub struct Mesh {
     /// As in glTF, `w` is the bitangent's sign. Zero means that there is no normal mapping. If empty, all are
     /// zero.
     pub tangents: Vec<[f32; 4]>,
-    /// Factors on the base colour, linear, 0..1. If empty, all are one.
-    pub colors: Vec<Vec3>,
+    /// The second coordinates. If empty, all are zero.
+    pub uvs2: Vec<Vec2>,
+    /// Factors on the base colour and on alpha, linear, 0..1. If empty, all are one.
+    pub colors: Vec<Vec4>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// The material of each triangle: an index into the model's.
     pub materials: Vec<u32>,
+    /// What moves its vertices. The arrays above are its rest pose.
+    pub deform: Option<Arc<Deform>>,
 }
 
 /// How a node is placed in its parent.
@@ -57,6 +63,8 @@ pub struct Node {
     pub local: Local,
     /// The index of its mesh.
     pub mesh: Option<usize>,
+    /// The weights of its mesh's morph targets.
+    pub weights: Vec<f32>,
 }
 
 /// Everything that one glTF file, shape or built-in room holds.
@@ -84,7 +92,7 @@ impl Model {
     pub fn from_mesh(mesh: Mesh, material: Material) -> Self {
         let name = mesh.name.clone();
         let local = Local::Transform(Transform::IDENTITY);
-        let node = Node { name: name.clone(), parent: None, local, mesh: Some(0) };
+        let node = Node { name: name.clone(), parent: None, local, mesh: Some(0), weights: Vec::new() };
         let rig = Rig { nodes: vec![node], clips: Vec::new() };
         Self { name, meshes: vec![mesh], materials: vec![material], textures: Vec::new(), rig, lights: Vec::new() }
     }
@@ -103,6 +111,7 @@ impl Model {
                 parent: None,
                 local: Local::Transform(at),
                 mesh: Some(self.meshes.len()),
+                weights: Vec::new(),
             });
             self.meshes.push(mesh);
         }
@@ -125,5 +134,12 @@ impl Rig {
             matrices.push(parent * local.matrix());
         }
         matrices
+    }
+
+    /// Returns the weights of the morph targets of a node's mesh, with `clip` played as above.
+    pub fn weights(&self, node: usize, clip: Option<(usize, f64)>) -> Cow<'_, [f32]> {
+        let own = self.nodes.get(node).map_or(&[][..], |node| &node.weights);
+        let played = clip.and_then(|(clip, time)| self.clips[clip].weights_at(node, time));
+        played.map_or(Cow::Borrowed(own), Cow::Owned)
     }
 }

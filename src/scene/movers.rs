@@ -29,7 +29,7 @@ impl Movers {
                 instance.previous_object_to_world = known.object_to_world;
             }
             let came = known.is_none() && !first;
-            if came || instance.object_to_world != instance.previous_object_to_world {
+            if came || instance.step > 0.0 || instance.object_to_world != instance.previous_object_to_world {
                 movers.extend(mover(packed, instance, came, centre, unit));
             }
             self.before.insert(instance.id, *instance);
@@ -52,6 +52,10 @@ fn mover(packed: &PackedScene, instance: &Instance, whole: bool, centre: Vec3, u
     let reach = |rows, middle: Vec3| corners.iter().map(|c| transform(rows, *c).distance(middle)).fold(0.0, f32::max);
     let radius = reach(&now, at).max(reach(&before, was)).max(1e-4);
     let step = corners.iter().map(|c| transform(&now, *c).distance(transform(&before, *c))).fold(0.0, f32::max);
+    // What changes its shape adds the way of its vertices, at the largest scale.
+    let scale = (0..3).map(|axis| Vec3::from_array(now.map(|row| row[axis])).length()).fold(0.0, f32::max);
+    let step = step + scale * instance.step;
+    let radius = radius + scale * instance.step;
     Some(Mover {
         now: at - centre,
         radius,

@@ -3,19 +3,20 @@
 
 use super::{
     bounds::Bounds,
-    bvh,
+    bvh, deform,
+    material::{TexelEncoding, Texture, TextureUse},
     mips::{level_count, level_size, with_mips},
     model::{Mesh, Model},
     packed::{self, PackedScene, TriangleGeometry, TriangleShading, Vertex},
 };
 use crate::{Error, Result};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// The most texels of all textures: 128 MiB, the largest storage buffer that every Vulkan device allows.
 /// Beyond it the largest textures lose their finest levels.
 pub const MAX_TEXELS: usize = 1 << 25;
-/// The most triangles of all models, and the most vertices (40 bytes each, again 128 MiB).
-pub const MAX_ELEMENTS: usize = (1 << 27) / 40;
+/// The most triangles of all models, and the most vertices (48 bytes each, again 128 MiB).
+pub const MAX_ELEMENTS: usize = (1 << 27) / 48;
 
 /// Where a packed mesh is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,53 +34,94 @@ pub struct Packed {
     /// An entry for each mesh of each model, `None` for a mesh without triangles.
     pub meshes: Vec<Vec<Option<PackedMesh>>>,
     pub warnings: Vec<String>,
+    /// The first material of each model.
+    first_materials: Vec<u32>,
 }
 
-/// Packs models.
+/// Packs models. Meshes that deform are packed in their rest pose if that is `wanted` of their model.
 ///
 /// # Errors
 /// Fails if a model does not fit, or if its numbers cannot be used.
-pub fn pack(models: &[&Model]) -> Result<Packed> {
+pub fn pack(models: &[(&Model, bool)]) -> Result<Packed> {
     let mut packed = Packed::default();
-    let first_levels = fit_textures(models, &mut packed.warnings);
+    let all: Vec<&Model> = models.iter().map(|(model, _)| *model).collect();
+    let first_levels = fit_textures(&all, &mut packed.warnings);
     let mut first_levels = first_levels.into_iter();
-    for model in models {
+    for (model, wanted) in models {
         let scene = &mut packed.scene;
-        let first_texture = scene.textures.len() as u32;
         let first_material = scene.materials.len() as u32;
-        for texture in &model.textures {
-            let first_level = first_levels.next().unwrap_or(0);
-            let size = level_size(texture.size, first_level);
-            scene.textures.push(packed::PackedTexture {
-                offset: scene.texels.len() as u32,
-                width: size[0],
-                height: size[1],
-                levels: level_count(size),
-                wrap_u: texture.wrap[0] as u32,
-                wrap_v: texture.wrap[1] as u32,
-                srgb: u32::from(texture.encoding == super::material::TexelEncoding::Srgb),
-                nearest: u32::from(texture.nearest),
+        let textures: Vec<packed::PackedTexture> = model
+            .textures
+            .iter()
+            .map(|texture| pack_texture(&mut scene.texels, texture, first_levels.next().unwrap_or(0)))
+            .collect();
+        // A texture that lies on surfaces in several ways has an entry for each.
+        let mut known: Vec<(TextureUse, u32)> = Vec::new();
+        for material in &model.materials {
+            let entries = material.textures.map(|used| {
+                let Some((used, texture)) = used.and_then(|used| Some((used, textures.get(used.texture)?))) else {
+                    return packed::NONE;
+                };
+                if let Some((_, entry)) = known.iter().find(|(other, _)| *other == used) {
+                    return *entry;
+                }
+                let [x, y, z] = [used.transform.x_axis, used.transform.y_axis, used.transform.translation];
+                let transform = [[x.x, y.x, z.x], [x.y, y.y, z.y]];
+                known.push((used, scene.textures.len() as u32));
+                scene.textures.push(packed::PackedTexture { set: used.set as u32, transform, ..*texture });
+                scene.textures.len() as u32 - 1
             });
-            scene.texels.extend(with_mips(texture, first_level));
+            scene.materials.push(material.pack(entries));
         }
-        scene.materials.extend(model.materials.iter().map(|material| material.pack(first_texture)));
         let mut meshes = Vec::new();
+        packed.first_materials.push(first_material);
         for mesh in &model.meshes {
             check_mesh(mesh, model)?;
-            let (mesh, dropped) = pack_mesh(scene, mesh, first_material);
+            if mesh.deform.is_some() && !wanted {
+                meshes.push(None);
+                continue;
+            }
+            let (mesh, _, dropped) = pack_mesh(scene, mesh, first_material);
             meshes.push(mesh);
             if dropped > 0 {
                 packed.warnings.push(format!("{}: {dropped} triangles without area were left out", model.name));
             }
         }
         packed.meshes.push(meshes);
-        if packed.scene.triangles.len().max(packed.scene.vertices.len()) > MAX_ELEMENTS {
+        packed.check_room(model)?;
+    }
+    packed.scene.first_deformed = packed.scene.triangles.len() as u32;
+    bvh::check(&packed.scene)?;
+    Ok(packed)
+}
+
+impl Packed {
+    fn check_room(&self, model: &Model) -> Result<()> {
+        if self.scene.triangles.len().max(self.scene.vertices.len()) > MAX_ELEMENTS {
             let problem = format!("more than {MAX_ELEMENTS} triangles or vertices in the scene");
             return Err(Error::input(&model.name, problem, "simplify the model or leave objects out"));
         }
+        Ok(())
     }
-    bvh::check(&packed.scene)?;
-    Ok(packed)
+
+    /// Packs a mesh that deforms, for one placement alone. `number` is that of its model.
+    ///
+    /// # Errors
+    /// Fails if it does not fit.
+    pub fn deforming(
+        &mut self,
+        number: usize,
+        model: &Model,
+        mesh: usize,
+    ) -> Result<Option<(PackedMesh, deform::Placed)>> {
+        let scene = &mut self.scene;
+        let first = [scene.triangles.len() as u32, scene.vertices.len() as u32];
+        let (packed, corners, _) = pack_mesh(scene, &model.meshes[mesh], self.first_materials[number]);
+        let Some(packed) = packed else { return Ok(None) };
+        let placed = deform::Placed::new(&self.scene, mesh, [first[0], first[1], packed.root], corners);
+        self.check_room(model)?;
+        Ok(Some((packed, placed.resting(&model.meshes[mesh], &model.rig))))
+    }
 }
 
 /// Returns the first mip level that is kept of each texture of all models.
@@ -102,12 +144,32 @@ fn fit_textures(models: &[&Model], warnings: &mut Vec<String>) -> Vec<u32> {
     levels
 }
 
+/// Adds the texels of a texture, and says where they are.
+fn pack_texture(texels: &mut Vec<u32>, texture: &Texture, first_level: u32) -> packed::PackedTexture {
+    let size = level_size(texture.size, first_level);
+    let offset = texels.len() as u32;
+    texels.extend(with_mips(texture, first_level));
+    packed::PackedTexture {
+        offset,
+        width: size[0],
+        height: size[1],
+        levels: level_count(size),
+        wrap_u: texture.wrap[0] as u32,
+        wrap_v: texture.wrap[1] as u32,
+        srgb: u32::from(texture.encoding == TexelEncoding::Srgb),
+        nearest: u32::from(texture.nearest),
+        ..Default::default()
+    }
+}
+
 /// Callers may pass models from memory, so the arrays are checked here, too.
 fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
     let subject = || format!("{}: mesh {}", model.name, mesh.name);
     let vertices = mesh.positions.len();
     let lengths_fit = mesh.normals.len() == vertices
-        && [mesh.uvs.len(), mesh.tangents.len(), mesh.colors.len()].iter().all(|n| *n == 0 || *n == vertices)
+        && [mesh.uvs.len(), mesh.uvs2.len(), mesh.tangents.len(), mesh.colors.len()]
+            .iter()
+            .all(|n| *n == 0 || *n == vertices)
         && mesh.materials.len() == mesh.triangles.len();
     let indices_fit = mesh.triangles.iter().flatten().all(|index| (*index as usize) < vertices)
         && mesh.materials.iter().all(|material| (*material as usize) < model.materials.len());
@@ -120,12 +182,14 @@ fn check_mesh(mesh: &Mesh, model: &Model) -> Result<()> {
     Ok(())
 }
 
-fn pack_color(linear: Vec3) -> u32 {
-    let code = |value: f32| (value.clamp(0.0, 1.0).sqrt() * 255.0 + 0.5) as u8;
-    u32::from_le_bytes([code(linear.x), code(linear.y), code(linear.z), 255])
+fn pack_color(linear: Vec4) -> u32 {
+    let code = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+    let root = |value: f32| code(value.max(0.0).sqrt());
+    u32::from_le_bytes([root(linear.x), root(linear.y), root(linear.z), code(linear.w)])
 }
 
-fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Option<PackedMesh>, usize) {
+/// Returns where a mesh has been packed, the corners of its packed triangles, and how many were left out.
+fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Option<PackedMesh>, Vec<[u32; 3]>, usize) {
     let corners = |triangle: &[u32; 3]| triangle.map(|index| mesh.positions[index as usize]);
     let kept: Vec<usize> = (0..mesh.triangles.len())
         .filter(|index| {
@@ -135,7 +199,7 @@ fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Opti
         .collect();
     let dropped = mesh.triangles.len() - kept.len();
     if kept.is_empty() {
-        return (None, dropped);
+        return (None, Vec::new(), dropped);
     }
     let geometry = |triangle: &[u32; 3]| {
         let [v0, v1, v2] = corners(triangle);
@@ -157,6 +221,7 @@ fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Opti
             uv: mesh.uvs.get(index).copied().unwrap_or_default(),
             tangent: mesh.tangents.get(index).copied().unwrap_or_default(),
             color: mesh.colors.get(index).map_or(u32::MAX, |color| pack_color(*color)),
+            uv2: mesh.uvs2.get(index).copied().unwrap_or_default(),
         });
     }
     for item in &tree.order {
@@ -168,5 +233,6 @@ fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Opti
     }
     let root = scene.nodes.len() as u32;
     scene.nodes.extend(tree.pack(root, |first| first_triangle + first));
-    (Some(PackedMesh { root, bounds: tree.bounds() }), dropped)
+    let corners = tree.order.iter().map(|item| mesh.triangles[kept[*item as usize]]).collect();
+    (Some(PackedMesh { root, bounds: tree.bounds() }), corners, dropped)
 }

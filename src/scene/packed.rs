@@ -1,11 +1,23 @@
 //! The scene as the shaders read it (scalar block layout): triangles in BVH leaf order, a two-level BVH,
 //! materials, texels. `shaders/glsl/scene.glsl` declares the same structs.
 
+use super::{deform::Patch, material::SLOTS};
 use crate::gpu_struct;
 use glam::{Vec2, Vec3};
 
 /// Stands for "none" in texture and node indices.
 pub const NONE: u32 = u32::MAX;
+
+/// Bits of [`PackedMaterial::flags`].
+pub const DOUBLE_SIDED: u32 = 1;
+/// Colours of vertices tint what is emitted.
+pub const UNLIT: u32 = 2;
+/// Alpha below the cutoff is not there.
+pub const MASKED: u32 = 4;
+/// Alpha is the share that is there.
+pub const BLENDED: u32 = 8;
+/// It bounds a solid.
+pub const SOLID: u32 = 16;
 
 gpu_struct! {
     /// A triangle for intersection: its first corner and the two edges from it, object space, metres.
@@ -17,8 +29,9 @@ gpu_struct! {
 }
 gpu_struct! {
     /// A vertex. `tangent.w` is the bitangent's sign, as in glTF. A zero tangent means that there is no
-    /// normal mapping. `color` has the square roots of a linear colour, 8 bits each, R in the low byte.
-    pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: [f32; 4], pub color: u32 }
+    /// normal mapping. `color` has the square roots of a linear colour and its alpha, 8 bits each, R in the low
+    /// byte. `uv2` is the second set of coordinates.
+    pub struct Vertex { pub normal: Vec3, pub uv: Vec2, pub tangent: [f32; 4], pub color: u32, pub uv2: Vec2 }
 }
 gpu_struct! {
     /// A node of a BVH, in depth-first order, so that a walk needs no stack: a ray that meets the box goes on
@@ -44,7 +57,10 @@ gpu_struct! {
         pub root: u32,
         /// Identifies the instance in the G-buffer: 1-based and stable over frames. 0 is the real scene.
         pub id: u32,
-        pub padding: [u32; 2],
+        /// [`PackedScene::first_deformed`] if its triangles change their shape, else [`NONE`].
+        pub previous: u32,
+        /// The longest way that one of its vertices has gone by that since the last frame, object space.
+        pub step: f32,
     }
 }
 gpu_struct! {
@@ -61,23 +77,31 @@ gpu_struct! {
     }
 }
 gpu_struct! {
-    /// A glTF 2.0 metallic–roughness material with KHR_materials_emissive_strength, _specular and _ior;
-    /// factors are linear.
+    /// A [`Material`](super::material::Material); factors are linear.
     pub struct PackedMaterial {
         pub base_color: Vec3, pub metallic: f32,
         /// Emitted radiance.
         pub emissive: Vec3, pub roughness: f32,
         pub specular_color: Vec3, pub specular: f32,
         pub ior: f32, pub normal_scale: f32,
-        /// Bit 0: double sided. Bit 1: colours of vertices tint what is emitted.
+        /// [`DOUBLE_SIDED`] and the other bits.
         pub flags: u32,
-        /// Indices of [`PackedTexture`] or [`NONE`].
-        pub base_color_texture: u32, pub metallic_roughness_texture: u32, pub normal_texture: u32, pub emissive_texture: u32,
-        pub specular_texture: u32, pub specular_color_texture: u32,
+        pub alpha: f32, pub alpha_cutoff: f32,
+        pub transmission: f32,
+        /// What a solid takes of light on a metre: exp(−extinction).
+        pub extinction: Vec3,
+        pub clearcoat: f32, pub clearcoat_roughness: f32, pub clearcoat_normal_scale: f32,
+        pub sheen_color: Vec3, pub sheen_roughness: f32,
+        pub anisotropy: f32,
+        /// The rougher direction: its share of tangent and bitangent.
+        pub anisotropy_direction: Vec2,
+        pub iridescence: f32, pub iridescence_ior: f32, pub iridescence_thickness: Vec2,
+        /// Indices of [`PackedTexture`] or [`NONE`], by [`Slot`](super::material::Slot).
+        pub textures: [u32; SLOTS],
     }
 }
 gpu_struct! {
-    /// A texture: RGBA8 texels (R in the low byte) in the texel buffer. Its mip levels follow one another,
+    /// A texture as a material uses it: RGBA8 texels (R in the low byte) in the texel buffer. Its mip levels follow one another,
     /// each `max(1, size >> level)`.
     pub struct PackedTexture {
         /// The first texel of level 0.
@@ -88,6 +112,10 @@ gpu_struct! {
         pub srgb: u32,
         /// 1: nearest magnification.
         pub nearest: u32,
+        /// Which coordinates of the vertices it is read by, 0 or 1.
+        pub set: u32,
+        /// Rows of the matrix from them to its own.
+        pub transform: [[f32; 3]; 2],
     }
 }
 
@@ -110,6 +138,15 @@ gpu_struct! {
     pub struct Light { pub instance: u32, pub triangle: u32, pub below: f32, pub padding: u32 }
 }
 
+gpu_struct! {
+    /// What precedes the [`Light`]s that the renderer draws.
+    pub struct EmitterHeader {
+        pub count: u32,
+        /// 1 / Σ area · luminance.
+        pub inverse_power: f32,
+    }
+}
+
 /// All that does not change from frame to frame, and the instances and top level that do.
 #[derive(Clone, Debug, Default)]
 pub struct PackedScene {
@@ -121,6 +158,8 @@ pub struct PackedScene {
     pub materials: Vec<PackedMaterial>,
     pub textures: Vec<PackedTexture>,
     pub texels: Vec<u32>,
+    /// The first triangle of the meshes that change their shape. They come last, in all arrays.
+    pub first_deformed: u32,
 }
 
 /// What changes from frame to frame: the instances and the top-level BVH over them, which is empty without
@@ -131,4 +170,6 @@ pub struct PackedInstances {
     pub nodes: Vec<BvhNode>,
     /// Only scene truth uses these.
     pub lights: Vec<Punctual>,
+    /// What has changed its shape: all meshes from [`PackedScene::first_deformed`] on, in their order.
+    pub patches: Vec<Patch>,
 }

@@ -5,10 +5,11 @@ use super::{
     bounds::Bounds,
     bvh,
     camera::{Camera, CameraTrack},
+    deform::{self, Patch},
     file::RenderSettings,
     model::Model,
     pack::{PackedMesh, pack},
-    packed::{Instance, PackedInstances, PackedScene},
+    packed::{Instance, NONE, PackedInstances, PackedScene},
 };
 use crate::{Result, panorama::source::PanoramaSource};
 use glam::Affine3A;
@@ -48,6 +49,8 @@ pub(super) struct Placed {
     pub object: Object,
     /// Node, its mesh, and the instance's id.
     pub instances: Vec<(usize, PackedMesh, u32)>,
+    /// Which of the instances deform.
+    pub deforming: Vec<(usize, deform::Placed)>,
 }
 
 /// A scene at one time.
@@ -82,6 +85,12 @@ impl Scene {
             camera: self.camera.at(time_seconds),
             instances: instances_at(&self.placed, time_seconds, previous_time),
         }
+    }
+
+    /// Returns the name of the first object that changes its shape.
+    pub fn deforming_object(&self) -> Option<&str> {
+        let deforms = |placed: &&Placed| !placed.deforming.is_empty();
+        self.placed.iter().find(deforms).map(|placed| placed.object.name.as_str())
     }
 
     /// Returns the largest number of instances. Ids are 1 to this number.
@@ -126,21 +135,28 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
             })
         })
         .collect();
-    let packed = pack(&models.iter().map(|model| model.as_ref()).collect::<Vec<_>>())?;
+    let rests = |model: &Arc<Model>| objects.iter().any(|object| Arc::ptr_eq(&object.model, model) && !plays(object));
+    let mut packed = pack(&models.iter().map(|model| (model.as_ref(), rests(model))).collect::<Vec<_>>())?;
     let mut next_id = 1;
     let mut placed = Vec::new();
     for (object, model) in objects.iter().zip(model_of) {
-        let meshes = &packed.meshes[model];
-        let mut instances = Vec::new();
+        let (mut instances, mut deforming) = (Vec::new(), Vec::new());
         for (node, mesh) in object.model.rig.nodes.iter().enumerate().filter_map(|(i, n)| Some((i, n.mesh?))) {
-            if let Some(Some(mesh)) = meshes.get(mesh) {
-                instances.push((node, *mesh, next_id));
+            let deforms = plays(object) && object.model.meshes.get(mesh).is_some_and(|mesh| mesh.deform.is_some());
+            let own = if deforms { packed.deforming(model, &object.model, mesh)? } else { None };
+            let shared = packed.meshes[model].get(mesh).copied().flatten().filter(|_| !deforms);
+            if let Some((_, deform)) = &own {
+                deforming.push((instances.len(), deform.clone()));
+            }
+            if let Some(mesh) = own.map(|(mesh, _)| mesh).or(shared) {
+                instances.push((node, mesh, next_id));
                 next_id += 1;
             }
         }
-        let clip = object.clip.filter(|clip| *clip < object.model.rig.clips.len());
-        placed.push(Placed { object: Object { clip, ..object.clone() }, instances });
+        let clip = object.clip.filter(|_| plays(object));
+        placed.push(Placed { object: Object { clip, ..object.clone() }, instances, deforming });
     }
+    bvh::check(&packed.scene)?;
     let mut warnings = packed.warnings;
     for placed in &placed {
         let matrices = placed.matrices(0.0);
@@ -155,17 +171,29 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
     Ok((packed.scene, placed, warnings))
 }
 
+/// Whether an object plays a clip that it has.
+fn plays(object: &Object) -> bool {
+    object.clip.is_some_and(|clip| clip < object.model.rig.clips.len())
+}
+
 /// Returns instances, their top level and lights at a time. Motion is since `previous_time`. An instance
 /// that is flattened to a line or point now is left out.
 pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time: f64) -> PackedInstances {
     let mut instances = Vec::new();
     let mut boxes = Vec::new();
     let mut lights = Vec::new();
+    let mut patches = Vec::new();
     for placed in objects {
+        let first_patch = patches.len();
+        patches.extend(placed.patches(time_seconds, previous_time));
+        let first_deformed = objects.iter().find_map(|placed| placed.deforming.first()).map(|(_, d)| d.first_triangle);
         let now = placed.matrices(time_seconds);
         lights.extend(placed.object.model.lights.iter().map(|light| light.pack(&now[light.node])));
         let before = if previous_time == time_seconds { now.clone() } else { placed.matrices(previous_time) };
-        for &(node, mesh, id) in &placed.instances {
+        for (index, &(node, mesh, id)) in placed.instances.iter().enumerate() {
+            let own = placed.deforming.iter().position(|(instance, _)| *instance == index);
+            let patch = own.and_then(|own| patches.get(first_patch + own));
+            let bounds = patch.map_or(mesh.bounds, Patch::bounds);
             let Some(to_world) = made_invertible(&now[node]) else { continue };
             let previous = if before[node].is_finite() { before[node] } else { to_world };
             instances.push(Instance {
@@ -174,14 +202,15 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
                 previous_object_to_world: rows(&previous),
                 root: mesh.root,
                 id,
-                padding: [0; 2],
+                previous: patch.and(first_deformed).unwrap_or(NONE),
+                step: patch.map_or(0.0, |patch| patch.step),
             });
-            boxes.push(mesh.bounds.transformed(&to_world).padded());
+            boxes.push(bounds.transformed(&to_world).padded());
         }
     }
     let tree = bvh::build_top(&boxes);
     let nodes = tree.pack(0, |first| tree.order[first as usize]);
-    PackedInstances { instances, nodes, lights }
+    PackedInstances { instances, nodes, lights, patches }
 }
 
 impl Placed {
@@ -192,10 +221,31 @@ impl Placed {
         nodes.into_iter().map(|node| world * node).collect()
     }
 
+    /// Returns its deforming meshes at a time, with their motion since another.
+    fn patches(&self, time: f64, previous: f64) -> Vec<Patch> {
+        if self.deforming.is_empty() {
+            return Vec::new();
+        }
+        let Object { model, clip, speed, .. } = &self.object;
+        let [now, before] = [time, previous].map(|time| clip.map(|clip| (clip, time * speed)));
+        let [now_nodes, before_nodes] = [now, before].map(|clip| model.rig.node_matrices(clip));
+        let patch = |(_, deform): &(usize, deform::Placed)| {
+            let mesh = &model.meshes[deform.mesh];
+            let weights_of = mesh.deform.as_ref()?.weights_of;
+            let [now, before] = [now, before].map(|clip| model.rig.weights(weights_of, clip));
+            deform.patch(mesh, (&now_nodes, &now), (&before_nodes, &before))
+        };
+        self.deforming.iter().filter_map(patch).collect()
+    }
+
     /// Returns the world box of all its instances, metres.
     pub(super) fn bounds(&self, time: f64) -> Bounds {
-        let matrices = self.matrices(time);
-        let boxes = self.instances.iter().map(|(node, mesh, _)| mesh.bounds.transformed(&matrices[*node]));
+        let (matrices, patches) = (self.matrices(time), self.patches(time, time));
+        let own = |index: usize| self.deforming.iter().position(|(instance, _)| *instance == index);
+        let boxes = self.instances.iter().enumerate().map(|(index, (node, mesh, _))| {
+            let patch = own(index).and_then(|own| patches.get(own));
+            patch.map_or(mesh.bounds, Patch::bounds).transformed(&matrices[*node])
+        });
         boxes.fold(Bounds::EMPTY, Bounds::union)
     }
 }

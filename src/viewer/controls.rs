@@ -138,7 +138,7 @@ fn switches(session: &mut Session, pressed: &dyn Fn(Key) -> bool) {
         session.actions.push(WindowRequest::FullScreen);
     }
     if pressed(Key::Escape) {
-        session.help = false;
+        (session.help, session.closing) = (false, false);
         if let Some(editor) = &mut session.editor {
             editor.select(None);
         }

@@ -369,7 +369,7 @@ fn closing(session: &mut Session, ctx: &egui::Context) {
             if ui.button("close without saving").clicked() {
                 session.actions.push(WindowRequest::Close);
             }
-            if ui.button("go on").clicked() || ui.input(|input| input.key_pressed(egui::Key::Escape)) {
+            if ui.button("go on").on_hover_text("Esc").clicked() {
                 session.closing = false;
             }
         });

@@ -105,7 +105,7 @@ fn check_and_render_agree() {
     let mut counts = [0, 0];
     let gpu = Gpu::new(&GpuOptions { device: std::env::var("IPRT_DEVICE").ok(), ..GpuOptions::default() });
     let gpu = gpu.expect("a device");
-    for seed in 0..60 {
+    for seed in 0..30 {
         let text = scene(&mut fastrand::Rng::with_seed(seed));
         folder.write("scene.toml", &text);
         let path = folder.path("scene.toml");
@@ -126,7 +126,7 @@ fn check_and_render_agree() {
         }
         counts[usize::from(rendered.is_ok())] += 1;
     }
-    assert!(counts.iter().all(|count| *count >= 12), "both kinds are tried: {counts:?}");
+    assert!(counts.iter().all(|count| *count >= 6), "both kinds are tried: {counts:?}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::{
 use glam::{Vec3, vec3};
 use iprt::{
     renderer::Renderer,
-    scene::{Scene, viewpoint::Projection},
+    scene::{Scene, material::Slot, viewpoint::Projection},
     settings::Method,
 };
 use serde::Deserialize;
@@ -133,9 +133,12 @@ fn triangles(scene: &Scene, time: f64) -> Vec<Triangle> {
                 let (at, shading) = (packed.triangles[index as usize], packed.shading[index as usize]);
                 let material = packed.materials[shading.material as usize];
                 let uv = [shading.v0, shading.v1, shading.v2].map(|v| packed.vertices[v as usize].uv);
-                let texels = packed.textures.get(material.base_color_texture as usize).map_or(&[][..], |texture| {
-                    &packed.texels[texture.offset as usize..][..(texture.width * texture.height) as usize]
-                });
+                let texels = packed
+                    .textures
+                    .get(material.textures[Slot::BaseColor as usize] as usize)
+                    .map_or(&[][..], |texture| {
+                        &packed.texels[texture.offset as usize..][..(texture.width * texture.height) as usize]
+                    });
                 triangles.push(Triangle {
                     corners: [at.v0, at.v0 + at.e1, at.v0 + at.e2].map(world),
                     uv: if texels.is_empty() { Default::default() } else { uv },

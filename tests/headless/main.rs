@@ -6,6 +6,7 @@
 
 mod adding;
 mod agreement;
+mod alpha;
 mod bounces;
 mod bvh;
 mod caches;

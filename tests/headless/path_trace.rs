@@ -102,6 +102,67 @@ fn white_furnace() {
     close(gpu);
 }
 
+/// Every lobe and layer, at every roughness and from straight above to 75 degrees, shows the furnace as it is.
+#[test]
+fn no_lobe_takes_or_makes_light() {
+    let gpu = open();
+    const ROUGHNESS: [f32; 5] = [0.0, 0.1, 0.3, 0.5, 1.0];
+    let white = |roughness: f32| Material::plain("white", Vec3::ONE, roughness);
+    type Make = fn(Material) -> Material;
+    let all: [(&str, Make); 9] = [
+        ("metal", |white| Material { metallic: 1.0, ..white }),
+        ("dielectric", |white| white),
+        ("thin sheet", |white| Material { transmission: 1.0, ..white }),
+        ("half a thin sheet", |white| Material { transmission: 0.5, ..white }),
+        ("solid", |white| Material { transmission: 1.0, thickness: 1.0, ..white }),
+        ("coat", |white| Material { clearcoat: 1.0, clearcoat_roughness: white.roughness, ..white }),
+        ("sheen", |white| Material { sheen_color: Vec3::ONE, sheen_roughness: white.roughness, ..white }),
+        ("film", |white| Material { iridescence: 1.0, ..white }),
+        ("coat over sheen over a metal", |white| Material {
+            metallic: 1.0,
+            clearcoat: 1.0,
+            clearcoat_roughness: 0.2,
+            sheen_color: Vec3::splat(0.7),
+            sheen_roughness: white.roughness,
+            ..white
+        }),
+    ];
+    let shown = |material: &dyn Fn(f32) -> Material, degrees: f32, samples: u32| -> Vec<f32> {
+        let mut objects = vec![object(Shape::Box.mesh(Vec3::splat(20.0)), lambert(0.0, 1.0), Vec3::ZERO)];
+        let turn = Quat::from_rotation_x((90.0 - degrees).to_radians());
+        for (column, roughness) in ROUGHNESS.into_iter().enumerate() {
+            let at = vec3(column as f32 - 2.0, 0.0, -4.0);
+            let mut strip = object(Shape::Plane.mesh(vec3(1.0, 1.0, 6.0)), material(roughness), at);
+            strip.placement = Placement::fixed(Transform { translation: at, rotation: turn, scale: Vec3::ONE });
+            objects.push(strip);
+        }
+        // 20 pixels wide, 5 metres at a distance of 4
+        let fov = 2.0 * (0.5f32 * 5.0 * 0.2 / 4.0).atan().to_degrees();
+        let view = Viewpoint::perspective(Vec3::ZERO, Quat::IDENTITY, fov, [20, 4]);
+        let sums = trace(&gpu, objects, &view, &PathSettings { size: [20, 4], ..SMALL }, samples);
+        let radiance = sums.radiance();
+        let strip = |k: usize| {
+            let pixels = (0..4).flat_map(|y| (1..3).map(move |x| 20 * y + 4 * k + x));
+            pixels.map(|p| radiance[p][1]).sum::<f32>() / 8.0
+        };
+        (0..ROUGHNESS.len()).map(strip).collect()
+    };
+    for (name, make) in all {
+        for degrees in [10.0, 45.0, 75.0] {
+            // Sheen is drawn by the cosine, which is far from its shape.
+            let samples = if name.contains("sheen") { 4096 } else { 512 };
+            let found = shown(&|roughness| make(white(roughness)), degrees, samples);
+            println!("{name}, {degrees}: {found:.4?}");
+            assert!(found.iter().all(|mean| (mean - 1.0).abs() < 0.01), "{name} at {degrees} degrees: {found:?}");
+        }
+    }
+    // The strips are seen: what absorbs shows less.
+    let grey =
+        shown(&|roughness| Material { base_color: Vec3::splat(0.5), metallic: 1.0, ..white(roughness) }, 10.0, 64);
+    assert!(grey.iter().all(|mean| *mean < 0.7), "{grey:?}");
+    close(gpu);
+}
+
 #[test]
 fn direct_light_of_a_square() {
     let gpu = open();

@@ -16,7 +16,9 @@ use iprt::{
     reference::capture::{CaptureSettings, room_frames},
     renderer::Renderer,
     scene::{
-        Scene,
+        Object, Scene,
+        clip::{Clip, Join, Weights},
+        deform::{Deform, Target},
         file::RenderSettings,
         rooms::{NAMES, Video, by_name},
     },
@@ -173,6 +175,21 @@ fn lit_room(window: f32) -> PanoramaFrame {
     })
 }
 
+/// A box that a morph target makes higher in a second.
+fn growing(at: Vec3) -> Object {
+    let mut still = object(iprt::scene::shapes::Shape::Box.mesh(vec3(0.3, 0.1, 0.3)), lambert(0.6), at);
+    let model = std::sync::Arc::make_mut(&mut still.model);
+    let mesh = &mut model.meshes[0];
+    let up = mesh.positions.iter().map(|p| if p.y > 0.0 { 0.5 * Vec3::Y } else { Vec3::ZERO }).collect();
+    let target = Target { positions: up, normals: vec![] };
+    let (positions, normals) = (mesh.positions.clone(), mesh.normals.clone());
+    mesh.deform = Some(std::sync::Arc::new(Deform { positions, normals, targets: vec![target], ..Deform::default() }));
+    model.rig.nodes[0].weights = vec![0.0];
+    let weights = Weights { node: 0, join: Join::Linear, times: vec![0.0, 1.0], values: vec![0.0, 1.0] };
+    model.rig.clips.push(Clip { weights: vec![weights], hold: true, ..Clip::default() });
+    Object { clip: Some(0), ..still }
+}
+
 /// A dim room that a bulb lights, 1.1 m from the capture point.
 fn room_with_a_bulb() -> PanoramaFrame {
     let towards = vec3(0.3, 0.15, -0.9).normalize();
@@ -214,6 +231,7 @@ fn in_scenes_made_for_it_the_plan_is_right() {
             Part::FreeLamps,
             Part::Emission,
             Part::Textures,
+            Part::Alpha,
             Part::Motion,
             Part::Interpolate,
         ];
@@ -229,7 +247,15 @@ fn in_scenes_made_for_it_the_plan_is_right() {
         run(
             Case::new("a small mirror, seen from elsewhere", mirror, &still),
             true,
-            &[Part::Bounces, Part::Emission],
+            &[
+                Part::Bounces,
+                Part::Emission,
+                Part::Transmission,
+                Part::Clearcoat,
+                Part::Sheen,
+                Part::Anisotropy,
+                Part::Iridescence,
+            ],
             &[Part::OffCentre, Part::Specular, Part::LightTable],
         );
 
@@ -251,6 +277,29 @@ fn in_scenes_made_for_it_the_plan_is_right() {
         let down = camera(Vec3::ZERO, vec3(0.1, -1.5, -0.7), 40.0);
         let unseen = scene(lit_room(30.0), down, vec![behind]);
         run(Case::new("a caster off screen", unseen, &still), false, &[Part::VirtualSurfaces], &[Part::Objects]);
+
+        // A ball of each material that has a part of its own, besides a half-transparent one.
+        use iprt::scene::material::{Alpha, Material};
+        let white = || Material::plain("white", Vec3::splat(0.8), 0.3);
+        let materials = [
+            Material { alpha_mode: Alpha::Blend, alpha: 0.4, ..white() },
+            Material { transmission: 1.0, thickness: 1.0, roughness: 0.0, ..white() },
+            Material { clearcoat: 1.0, base_color: Vec3::splat(0.02), roughness: 0.9, ..white() },
+            Material { sheen_color: Vec3::ONE, sheen_roughness: 0.4, base_color: Vec3::splat(0.02), ..white() },
+            Material { anisotropy: 1.0, roughness: 0.2, ..metal(0.2) },
+            Material { iridescence: 1.0, base_color: Vec3::splat(0.02), roughness: 0.1, ..white() },
+        ];
+        let balls = materials.into_iter().enumerate().map(|(k, material)| {
+            ball(0.24, material, vec3(0.55 * (k % 3) as f32 - 0.55, 0.25 - 0.5 * (k / 3) as f32, -1.5))
+        });
+        let varied = scene(lit_room(30.0), camera(Vec3::ZERO, Vec3::NEG_Z, 50.0), balls.collect());
+        let parts =
+            [Part::Alpha, Part::Transmission, Part::Clearcoat, Part::Sheen, Part::Anisotropy, Part::Iridescence];
+        run(Case::new("a ball of each material", varied, &still), false, &[Part::Textures], &parts);
+
+        let growing = scene(lit_room(3.0), look.clone(), vec![growing(hovering)]);
+        let times = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
+        run(Case::new("a box that grows", growing, &times), false, &[], &[Part::Deformation, Part::Motion]);
 
         let far = surroundings([64, 32], |_| 0.0, |d| 0.3 + 0.7 * colourful(d) * d.y.max(0.0));
         let shiny = ball(0.4, metal(0.3), vec3(0.0, -0.3, -1.5));

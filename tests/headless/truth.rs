@@ -115,6 +115,7 @@ fn lamps_without_a_surface() {
                 parent: None,
                 local: iprt::scene::model::Local::Matrix(place),
                 mesh: None,
+                weights: vec![],
             });
             room.lights = vec![light.clone()];
             let settings = PathSettings { bounces: 1, ..PathSettings::unbiased([8, 8], 2) };

@@ -215,7 +215,7 @@ fn a_session_looks_picks_drags_compares_and_steps() {
         hold ctrl+F9
         move 80,60
         wheel 2                # ×1.1 twice, as one step
-        wait 30
+        wait 120               # it is smoothed over time
         note wheeled
         release ctrl+F9
         key ctrl+Z

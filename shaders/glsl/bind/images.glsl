@@ -15,7 +15,7 @@ layout(set = 0, binding = 35, rgba32f) uniform writeonly image2DArray out_motion
 // Position, normal, roughness and object of what the pixel shows, in short: see guide.glsl.
 layout(set = 0, binding = 36, rgba32ui) uniform readonly uimage2DArray in_guide;
 layout(set = 0, binding = 37, rgba32ui) uniform uimage2DArray guide;
-// L_cam; w: 1 where the pixel's centre is real, else 0.
+// L_cam; w: how much of the pixel's centre is real, 0 or 1 where nothing is half transparent.
 layout(set = 0, binding = 39, rgba32f) uniform readonly image2D in_camera_radiance;
 layout(set = 0, binding = 40, rgba32f) uniform image2D camera_radiance;
 // Albedo k_V of the Lambert lobe under the GGX lobe; w metallic.
@@ -38,7 +38,7 @@ layout(set = 0, binding = 49, rgba32f) uniform writeonly image2D out_radiance;
 layout(set = 0, binding = 50, r32f) uniform readonly image2DArray in_mask;
 layout(set = 0, binding = 51, r32f) uniform writeonly image2DArray out_mask;
 // Light of this frame, as light_code.glsl packs it. Real: a is E_R, b is ΔE. Virtual: a is E of the Lambert
-// lobe, b the radiance of the GGX lobe.
+// lobe, b the radiance of all other lobes.
 layout(set = 0, binding = 52, rgba32ui) uniform uimage2DArray irradiance;
 layout(set = 0, binding = 53, rgba32ui) uniform readonly uimage2DArray in_irradiance;
 layout(set = 0, binding = 54, rgba32ui) uniform writeonly uimage2DArray out_irradiance;

@@ -1,19 +1,45 @@
 // The virtual objects (passes/scene.rs). Structs are as in scene/packed.rs, in scalar layout.
 
 struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
-struct Vertex { vec3 normal; vec2 uv; vec4 tangent; uint color; };
-struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint padding[2]; };
+struct Vertex { vec3 normal; vec2 uv; vec4 tangent; uint color; vec2 uv2; };
+struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint previous; float step; };
 struct Mover { vec3 now; float radius; vec3 before; float step; uint id; float glow; };
+// The textures of a material (`Slot` in scene/material.rs).
+const uint SLOTS = 15u;
+const uint SLOT_BASE_COLOR = 0u;
+const uint SLOT_METALLIC_ROUGHNESS = 1u;
+const uint SLOT_NORMAL = 2u;
+const uint SLOT_EMISSIVE = 3u;
+const uint SLOT_SPECULAR = 4u;
+const uint SLOT_SPECULAR_COLOR = 5u;
+const uint SLOT_TRANSMISSION = 6u;
+const uint SLOT_CLEARCOAT = 7u;
+const uint SLOT_CLEARCOAT_ROUGHNESS = 8u;
+const uint SLOT_CLEARCOAT_NORMAL = 9u;
+const uint SLOT_SHEEN_COLOR = 10u;
+const uint SLOT_SHEEN_ROUGHNESS = 11u;
+const uint SLOT_ANISOTROPY = 12u;
+const uint SLOT_IRIDESCENCE = 13u;
+const uint SLOT_IRIDESCENCE_THICKNESS = 14u;
+// Bits of a material's flags.
+const uint DOUBLE_SIDED = 1u, UNLIT = 2u, MASKED = 4u, BLENDED = 8u, SOLID = 16u;
 struct Material {
     vec3 base_color; float metallic;
     vec3 emissive; float roughness;
     vec3 specular_color; float specular;
     float ior; float normal_scale;
     uint flags;
-    uint base_color_texture; uint metallic_roughness_texture; uint normal_texture; uint emissive_texture;
-    uint specular_texture; uint specular_color_texture;
+    float alpha; float alpha_cutoff;
+    float transmission;
+    vec3 extinction;
+    float clearcoat; float clearcoat_roughness; float clearcoat_normal_scale;
+    vec3 sheen_color; float sheen_roughness;
+    float anisotropy;
+    vec2 anisotropy_direction;
+    float iridescence; float iridescence_ior; vec2 iridescence_thickness;
+    uint textures[SLOTS];
 };
-struct Texture { uint offset; uint width; uint height; uint levels; uint wrap_u; uint wrap_v; uint srgb; uint nearest; };
+struct Texture { uint offset; uint width; uint height; uint levels; uint wrap_u; uint wrap_v; uint srgb; uint nearest; uint set; vec3 transform[2]; };
 
 // Tables of four words an item (table_texel). A triangle is three: v0, e1, e2.
 layout(set = 0, binding = 20, rgba32ui) uniform readonly uimage2D in_triangles;
@@ -25,11 +51,17 @@ layout(set = 0, binding = 24, scalar) readonly buffer Instances { Instance insta
 // What has moved since the last frame.
 layout(set = 0, binding = 81, scalar) readonly buffer Movers { Mover mover[]; } in_movers;
 layout(set = 0, binding = 25, rgba32ui) uniform readonly uimage2D in_top_nodes;
+// Triangles that change their shape, as they were a frame ago; in_triangles has the first of them at the instance's
+// `previous`.
+layout(set = 0, binding = 82, rgba32ui) uniform readonly uimage2D in_previous_triangles;
 // An instance is four: the rows of world_to_object, and the root of its bottom level.
 layout(set = 0, binding = 19, rgba32ui) uniform readonly uimage2D in_places;
 layout(set = 0, binding = 26, scalar) readonly buffer Materials { Material material[]; } in_materials;
 layout(set = 0, binding = 27, scalar) readonly buffer Textures { Texture entry[]; } in_textures;
 layout(set = 0, binding = 28, scalar) readonly buffer Texels { uint texel[]; } in_texels;
-// Directional albedo of GGX, ρ = F0·x + F90·y, 32×32 over (cos θ_o, roughness) from 0 to 1 (`brdf_table` in
-// passes/brdf.rs).
+// The triangles that shine: one is drawn in proportion to area * luminance; `below` is the probability of all before it.
+struct Emitter { uint instance; uint triangle; float below; uint padding; };
+layout(set = 0, binding = 83, scalar) readonly buffer Emitters { uint count; float inverse_power; Emitter entry[]; } in_emitters;
+// Directional albedo of GGX, ρ = F0·x + F90·y, 32×32 over (cos θ_o, roughness) from 0 to 1 (`ggx_table` in
+// passes/bsdf.rs). Then as many of the sheen lobe's, in x, over (cos, sheen roughness).
 layout(set = 0, binding = 29, scalar) readonly buffer Energy { vec2 value[]; } in_energy;

@@ -6,11 +6,11 @@ use crate::{
     Error, Result,
     scene::{
         clip::{Join, Property},
-        material::{Material, Texture, Wrap},
+        material::{Alpha, Material, Slot, Texture, TextureUse, Wrap},
         model::{Local, Mesh, Model},
     },
 };
-use glam::{Mat4, Vec3};
+use glam::{Affine2, Mat4, Vec3};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -66,6 +66,25 @@ fn object(members: Value) -> Value {
         }
         other => other,
     }
+}
+
+/// Writes how a material uses a texture. Texture `i` of the model is texture `i` of the file.
+fn texture_info(used: TextureUse) -> Value {
+    let mut info = json!({ "index": used.texture });
+    if used.set != 0 {
+        info["texCoord"] = json!(used.set);
+    }
+    if used.transform != Affine2::IDENTITY {
+        // The matrix is a rotation after a scale, as it was read.
+        let [x, y] = [used.transform.x_axis, used.transform.y_axis];
+        let mirrored = if used.transform.matrix2.determinant() < 0.0 { -1.0 } else { 1.0 };
+        info["extensions"] = json!({ "KHR_texture_transform": {
+            "offset": used.transform.translation.to_array(),
+            "rotation": (-x.y).atan2(x.x),
+            "scale": [x.length(), y.length() * mirrored],
+        } });
+    }
+    info
 }
 
 impl Writer {
@@ -125,59 +144,122 @@ impl Writer {
     }
 
     fn material(&mut self, source: &Material) -> Value {
-        let info = |texture: Option<usize>| texture.map(|texture| json!({ "index": texture }));
+        let mut used: Vec<&'static str> = Vec::new();
+        if source.textures.iter().flatten().any(|texture| !texture.transform.abs_diff_eq(Affine2::IDENTITY, 0.0)) {
+            used.push("KHR_texture_transform");
+        }
+        let info = |slot: Slot| source.texture(slot).map(texture_info);
+        let scaled = |slot: Slot, scale: f32| {
+            let mut info = texture_info(source.texture(slot)?);
+            info["scale"] = json!(scale);
+            Some(info)
+        };
         let mut extensions = Map::new();
         let mut extension = |name: &'static str, content: Value| {
-            self.extensions.insert(name);
+            used.push(name);
             extensions.insert(name.to_owned(), object(content));
         };
         // What is unlit emits its colour, and is read so.
-        let [color, color_texture] = match source.unlit {
-            true => [json!(source.emissive.to_array()), json!(info(source.emissive_texture))],
-            false => [json!(source.base_color.to_array()), json!(info(source.base_color_texture))],
+        let (color, color_texture) = match source.unlit {
+            true => (source.emissive, info(Slot::Emissive)),
+            false => (source.base_color, info(Slot::BaseColor)),
         };
-        let mut color = color;
-        color.as_array_mut().into_iter().for_each(|color| color.push(json!(1.0)));
-        let pbr = json!({
-            "baseColorFactor": color,
+        let pbr = object(json!({
+            "baseColorFactor": color.extend(source.alpha).to_array(),
             "baseColorTexture": color_texture,
             "metallicFactor": source.metallic,
             "roughnessFactor": source.roughness,
-            "metallicRoughnessTexture": info(source.metallic_roughness_texture),
+            "metallicRoughnessTexture": info(Slot::MetallicRoughness),
+        }));
+        let (mode, cutoff) = match source.alpha_mode {
+            Alpha::Opaque => (Value::Null, Value::Null),
+            Alpha::Mask(cutoff) => (json!("MASK"), json!(cutoff)),
+            Alpha::Blend => (json!("BLEND"), Value::Null),
+        };
+        let mut out = json!({
+            "name": source.name,
+            "doubleSided": source.double_sided,
+            "pbrMetallicRoughness": pbr,
+            "alphaMode": mode,
+            "alphaCutoff": cutoff,
         });
         if source.unlit {
             extension("KHR_materials_unlit", json!({}));
-            let pbr = object(pbr);
-            return json!({
-                "name": source.name, "doubleSided": source.double_sided, "pbrMetallicRoughness": pbr, "extensions": extensions,
+        } else {
+            // Factors end at 1. A power of two moves into the strength, which keeps every bit.
+            let most = source.emissive.max_element();
+            let strength = if most > 1.0 { most.log2().ceil().exp2() } else { 1.0 };
+            out["normalTexture"] = json!(scaled(Slot::Normal, source.normal_scale));
+            out["emissiveTexture"] = json!(info(Slot::Emissive));
+            out["emissiveFactor"] = json!((source.emissive / strength).to_array());
+            let specular = json!({
+                "specularFactor": source.specular,
+                "specularTexture": info(Slot::Specular),
+                "specularColorFactor": source.specular_color.to_array(),
+                "specularColorTexture": info(Slot::SpecularColor),
             });
+            extension("KHR_materials_specular", specular);
+            if source.ior != 1.5 {
+                extension("KHR_materials_ior", json!({ "ior": source.ior }));
+            }
+            if strength > 1.0 {
+                extension("KHR_materials_emissive_strength", json!({ "emissiveStrength": strength }));
+            }
+            if source.transmission > 0.0 {
+                let content = json!({ "transmissionFactor": source.transmission, "transmissionTexture": info(Slot::Transmission) });
+                extension("KHR_materials_transmission", content);
+            }
+            if source.thickness > 0.0 {
+                let distance = source.attenuation_distance;
+                let content = json!({
+                    "thicknessFactor": source.thickness,
+                    "attenuationColor": source.attenuation_color.to_array(),
+                    "attenuationDistance": distance.is_finite().then_some(distance),
+                });
+                extension("KHR_materials_volume", content);
+            }
+            if source.clearcoat > 0.0 {
+                let content = json!({
+                    "clearcoatFactor": source.clearcoat,
+                    "clearcoatTexture": info(Slot::Clearcoat),
+                    "clearcoatRoughnessFactor": source.clearcoat_roughness,
+                    "clearcoatRoughnessTexture": info(Slot::ClearcoatRoughness),
+                    "clearcoatNormalTexture": scaled(Slot::ClearcoatNormal, source.clearcoat_normal_scale),
+                });
+                extension("KHR_materials_clearcoat", content);
+            }
+            if source.sheen_color != Vec3::ZERO {
+                let content = json!({
+                    "sheenColorFactor": source.sheen_color.to_array(),
+                    "sheenColorTexture": info(Slot::SheenColor),
+                    "sheenRoughnessFactor": source.sheen_roughness,
+                    "sheenRoughnessTexture": info(Slot::SheenRoughness),
+                });
+                extension("KHR_materials_sheen", content);
+            }
+            if source.anisotropy > 0.0 {
+                let content = json!({
+                    "anisotropyStrength": source.anisotropy,
+                    "anisotropyRotation": source.anisotropy_rotation,
+                    "anisotropyTexture": info(Slot::Anisotropy),
+                });
+                extension("KHR_materials_anisotropy", content);
+            }
+            if source.iridescence > 0.0 {
+                let content = json!({
+                    "iridescenceFactor": source.iridescence,
+                    "iridescenceTexture": info(Slot::Iridescence),
+                    "iridescenceIor": source.iridescence_ior,
+                    "iridescenceThicknessMinimum": source.iridescence_thickness.x,
+                    "iridescenceThicknessMaximum": source.iridescence_thickness.y,
+                    "iridescenceThicknessTexture": info(Slot::IridescenceThickness),
+                });
+                extension("KHR_materials_iridescence", content);
+            }
         }
-        // Factors end at 1. A power of two moves into the strength, which keeps every bit.
-        let most = source.emissive.max_element();
-        let strength = if most > 1.0 { most.log2().ceil().exp2() } else { 1.0 };
-        let specular = json!({
-            "specularFactor": source.specular,
-            "specularTexture": info(source.specular_texture),
-            "specularColorFactor": source.specular_color.to_array(),
-            "specularColorTexture": info(source.specular_color_texture),
-        });
-        extension("KHR_materials_specular", specular);
-        if source.ior != 1.5 {
-            extension("KHR_materials_ior", json!({ "ior": source.ior }));
-        }
-        if strength > 1.0 {
-            extension("KHR_materials_emissive_strength", json!({ "emissiveStrength": strength }));
-        }
-        let normal = source.normal_texture.map(|texture| json!({ "index": texture, "scale": source.normal_scale }));
-        json!({
-            "name": source.name,
-            "doubleSided": source.double_sided,
-            "pbrMetallicRoughness": object(pbr),
-            "normalTexture": normal,
-            "emissiveTexture": info(source.emissive_texture),
-            "emissiveFactor": (source.emissive / strength).to_array(),
-            "extensions": extensions,
-        })
+        out["extensions"] = extensions.into();
+        self.extensions.extend(used);
+        out
     }
 
     /// Makes one primitive a material, each with the vertices that it uses, in their order.
@@ -208,9 +290,14 @@ impl Writer {
                 let index = self.accessor(bytemuck::cast_slice(&uvs), count, (F32, "VEC2"), VERTICES, None);
                 attributes.insert("TEXCOORD_0".into(), index.into());
             }
+            if mesh.uvs2.iter().any(|uv| *uv != glam::Vec2::ZERO) {
+                let uvs: Vec<glam::Vec2> = used.iter().map(|v| mesh.uvs2[*v]).collect();
+                let index = self.accessor(bytemuck::cast_slice(&uvs), count, (F32, "VEC2"), VERTICES, None);
+                attributes.insert("TEXCOORD_1".into(), index.into());
+            }
             if !mesh.colors.is_empty() {
-                let colors: Vec<Vec3> = used.iter().map(|v| mesh.colors[*v]).collect();
-                let index = self.accessor(bytemuck::cast_slice(&colors), count, VEC3, VERTICES, None);
+                let colors: Vec<[f32; 4]> = used.iter().map(|v| mesh.colors[*v].to_array()).collect();
+                let index = self.accessor(bytemuck::cast_slice(&colors), count, (F32, "VEC4"), VERTICES, None);
                 attributes.insert("COLOR_0".into(), index.into());
             }
             let tangents: Vec<[f32; 4]> = used.iter().filter_map(|v| mesh.tangents.get(*v).copied()).collect();

@@ -61,6 +61,11 @@ impl<'a> Json<'a> {
         numbers?.try_into().ok()
     }
 
+    /// Returns an array of numbers that single precision holds; empty if one is none.
+    pub(super) fn floats(self, key: &str) -> Vec<f32> {
+        self.get(key).array().iter().map(finite).collect::<Option<_>>().unwrap_or_default()
+    }
+
     pub(super) fn text(self, key: &str) -> Option<&'a str> {
         self.get(key).0.and_then(Value::as_str)
     }

@@ -3,13 +3,13 @@
 use super::{
     File,
     json::Json,
-    texture::{Slot, Textures, UvSource},
+    texture::{Info, Textures},
 };
 use crate::scene::{
-    material::{Material, TexelEncoding},
+    material::{Alpha, Material, SLOTS, Slot, TextureUse},
     model::Model,
 };
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// The materials used so far.
 pub(super) struct Materials {
@@ -22,8 +22,10 @@ pub(super) struct Materials {
 #[derive(Clone, Copy)]
 pub(super) struct Used {
     pub place: u32,
-    pub uv: UvSource,
-    pub normal_mapped: bool,
+    /// The sets of coordinates in the file that become the vertices' first and second.
+    pub sets: [usize; 2],
+    /// The texture along whose coordinates tangents are made, if any are needed.
+    pub tangents: Option<TextureUse>,
 }
 
 impl Materials {
@@ -46,60 +48,42 @@ impl Materials {
         if let Some(known) = self.known[entry] {
             return known;
         }
-        let (material, uv) = match index {
+        let (material, sets) = match index {
             Some(index) => self.load(file, index, model),
-            None => (Material::default(), UvSource::PLAIN),
+            None => (Material::default(), [0, 1]),
         };
-        let used = Used { place: model.materials.len() as u32, uv, normal_mapped: material.normal_texture.is_some() };
+        let mapped = [Slot::Normal, Slot::ClearcoatNormal, Slot::Anisotropy].map(|slot| material.texture(slot));
+        let plain = (material.anisotropy > 0.0).then(|| TextureUse::plain(0));
+        let tangents = mapped.into_iter().flatten().next().or(plain);
+        let used = Used { place: model.materials.len() as u32, sets, tangents };
         model.materials.push(material);
         self.known[entry] = Some(used);
         used
     }
 
-    fn load(&mut self, file: &File, index: usize, model: &mut Model) -> (Material, UvSource) {
+    fn load(&mut self, file: &File, index: usize, model: &mut Model) -> (Material, [usize; 2]) {
         let source = file.root.entry("materials", index);
         let user = format!("material {index}");
-        match source.text("alphaMode") {
-            None | Some("OPAQUE") => {}
-            Some(mode @ ("MASK" | "BLEND")) => file.unsupported(&user, &format!("alpha mode {mode}"), "drawn opaque"),
-            Some(_) => file.warn(&user, "has an alpha mode that is not known: drawn opaque"),
-        }
-        if source.extension("KHR_materials_transmission").number("transmissionFactor").is_some_and(|x| x > 0.0) {
-            file.unsupported(&user, "KHR_materials_transmission", "drawn opaque");
-        }
         let factors = Factors { file, user: &user };
         let pbr = source.get("pbrMetallicRoughness");
-        let specular = source.extension("KHR_materials_specular");
-        let glossy = source.extension("KHR_materials_pbrSpecularGlossiness");
-        let base = if glossy.exists() { glossy.get("diffuseTexture") } else { pbr.get("baseColorTexture") };
-        let specular_color = if glossy.exists() {
-            glossy.get("specularGlossinessTexture")
-        } else {
-            specular.get("specularColorTexture")
-        };
-        let roughness = if glossy.exists() { specular_color } else { pbr.get("metallicRoughnessTexture") };
-
-        let normal = source.get("normalTexture");
-        let slots = [
-            (base, TexelEncoding::Srgb),
-            (roughness, TexelEncoding::Linear),
-            (normal, TexelEncoding::Normal),
-            (source.get("emissiveTexture"), TexelEncoding::Srgb),
-            (specular.get("specularTexture"), TexelEncoding::Linear),
-            (specular_color, TexelEncoding::Srgb),
-        ];
-        let mut uv: Option<UvSource> = None;
-        let textures = slots.map(|(info, encoding)| {
-            let slot = Slot::of(info)?;
-            let texture = self.textures.get(file, slot.texture, encoding, model)?;
-            if *uv.get_or_insert(slot.uv) != slot.uv {
-                let what = "a material whose textures have different coordinates";
-                file.unsupported(&user, what, "all use those of the first");
+        let extension = |name: &str| source.extension(&format!("KHR_materials_{name}"));
+        let glossy = extension("pbrSpecularGlossiness");
+        let [specular, volume, coat] = ["specular", "volume", "clearcoat"].map(extension);
+        let [sheen, anisotropy, film] = ["sheen", "anisotropy", "iridescence"].map(extension);
+        let transmission = extension("transmission");
+        let alpha_mode = match source.text("alphaMode") {
+            None | Some("OPAQUE") => Alpha::Opaque,
+            Some("MASK") => Alpha::Mask(source.number("alphaCutoff").unwrap_or(0.5).max(0.0)),
+            Some("BLEND") => Alpha::Blend,
+            Some(_) => {
+                file.warn(&user, "has an alpha mode that is not known: drawn opaque");
+                Alpha::Opaque
             }
-            Some(texture)
-        });
-        let [base_color_texture, metallic_roughness_texture, normal_texture, emissive_texture, s, sc] = textures;
-        let strength = source.extension("KHR_materials_emissive_strength").number("emissiveStrength").unwrap_or(1.0);
+        };
+        let (sets, textures) = self.textures(file, source, &user, model);
+        let strength = extension("emissive_strength").number("emissiveStrength").unwrap_or(1.0);
+        let film_thickness = |end: &str, default| factors.length(film, &format!("iridescenceThickness{end}"), default);
+        let base = if glossy.exists() { (glossy, "diffuseFactor") } else { (pbr, "baseColorFactor") };
         let mut material = Material {
             name: source.text("name").map_or_else(|| user.clone(), str::to_owned),
             base_color: factors.color(pbr, "baseColorFactor", 1.0, Vec3::ONE),
@@ -108,25 +92,96 @@ impl Materials {
             emissive: factors.color(source, "emissiveFactor", f32::MAX, Vec3::ZERO) * strength.max(0.0),
             specular: factors.part(specular, "specularFactor", 1.0),
             specular_color: factors.color(specular, "specularColorFactor", f32::MAX, Vec3::ONE),
-            ior: factors.ior(source.extension("KHR_materials_ior")),
-            normal_scale: normal.number("scale").unwrap_or(1.0),
+            ior: factors.ior(extension("ior"), "ior", 1.5),
+            normal_scale: source.get("normalTexture").number("scale").unwrap_or(1.0),
             double_sided: source.flag("doubleSided"),
-            base_color_texture,
-            metallic_roughness_texture,
-            normal_texture,
-            emissive_texture,
-            specular_texture: s,
-            specular_color_texture: sc,
+            alpha_mode,
+            alpha: base.0.numbers::<4>(base.1).map_or(1.0, |color| color[3].clamp(0.0, 1.0)),
+            transmission: factors.part(transmission, "transmissionFactor", 0.0),
+            thickness: factors.length(volume, "thicknessFactor", 0.0),
+            attenuation_color: factors.color(volume, "attenuationColor", 1.0, Vec3::ONE),
+            attenuation_distance: match factors.length(volume, "attenuationDistance", f32::INFINITY) {
+                0.0 => f32::INFINITY,
+                distance => distance,
+            },
+            clearcoat: factors.part(coat, "clearcoatFactor", 0.0),
+            clearcoat_roughness: factors.part(coat, "clearcoatRoughnessFactor", 0.0),
+            clearcoat_normal_scale: coat.get("clearcoatNormalTexture").number("scale").unwrap_or(1.0),
+            sheen_color: factors.color(sheen, "sheenColorFactor", 1.0, Vec3::ZERO),
+            sheen_roughness: factors.part(sheen, "sheenRoughnessFactor", 0.0),
+            anisotropy: factors.part(anisotropy, "anisotropyStrength", 0.0),
+            anisotropy_rotation: anisotropy.number("anisotropyRotation").unwrap_or(0.0),
+            iridescence: factors.part(film, "iridescenceFactor", 0.0),
+            iridescence_ior: factors.ior(film, "iridescenceIor", 1.3),
+            iridescence_thickness: Vec2::new(film_thickness("Minimum", 100.0), film_thickness("Maximum", 400.0)),
             unlit: false,
+            textures,
         };
         material.emissive = material.emissive.min(Vec3::splat(f32::MAX));
+        if extension("dispersion").number("dispersion").is_some_and(|x| x > 0.0) {
+            file.unsupported(&user, "KHR_materials_dispersion", "all colours are refracted alike");
+        }
         if glossy.exists() {
             self.specular_glossiness(&factors, glossy, &mut material, model);
         }
-        if source.extension("KHR_materials_unlit").exists() {
+        if extension("unlit").exists() {
             material = material.unlit();
         }
-        (material, uv.unwrap_or(UvSource::PLAIN))
+        (material, sets)
+    }
+
+    /// Reads the textures of a material, and which sets of coordinates they use.
+    fn textures(
+        &mut self,
+        file: &File,
+        source: Json,
+        user: &str,
+        model: &mut Model,
+    ) -> ([usize; 2], [Option<TextureUse>; SLOTS]) {
+        let glossy = source.extension("KHR_materials_pbrSpecularGlossiness");
+        let named = |slot: Slot| {
+            let extension = |name: &str, texture: &str| {
+                source.extension(&format!("KHR_materials_{name}")).get(&format!("{texture}Texture"))
+            };
+            match slot {
+                Slot::BaseColor if glossy.exists() => glossy.get("diffuseTexture"),
+                Slot::SpecularColor | Slot::MetallicRoughness if glossy.exists() => {
+                    glossy.get("specularGlossinessTexture")
+                }
+                Slot::BaseColor => source.get("pbrMetallicRoughness").get("baseColorTexture"),
+                Slot::MetallicRoughness => source.get("pbrMetallicRoughness").get("metallicRoughnessTexture"),
+                Slot::Normal => source.get("normalTexture"),
+                Slot::Emissive => source.get("emissiveTexture"),
+                Slot::Specular => extension("specular", "specular"),
+                Slot::SpecularColor => extension("specular", "specularColor"),
+                Slot::Transmission => extension("transmission", "transmission"),
+                Slot::Clearcoat => extension("clearcoat", "clearcoat"),
+                Slot::ClearcoatRoughness => extension("clearcoat", "clearcoatRoughness"),
+                Slot::ClearcoatNormal => extension("clearcoat", "clearcoatNormal"),
+                Slot::SheenColor => extension("sheen", "sheenColor"),
+                Slot::SheenRoughness => extension("sheen", "sheenRoughness"),
+                Slot::Anisotropy => extension("anisotropy", "anisotropy"),
+                Slot::Iridescence => extension("iridescence", "iridescence"),
+                Slot::IridescenceThickness => extension("iridescence", "iridescenceThickness"),
+            }
+        };
+        let mut sets: Vec<usize> = Vec::new();
+        let mut textures = [None; SLOTS];
+        for slot in Slot::ALL {
+            let Some(info) = Info::of(named(slot)) else { continue };
+            let Some(texture) = self.textures.get(file, info.texture, slot.encoding(), model) else { continue };
+            let set = sets.iter().position(|set| *set == info.set).unwrap_or_else(|| {
+                if sets.len() == 2 {
+                    file.unsupported(user, "a third set of texture coordinates", "its first is taken");
+                    return 0;
+                }
+                sets.push(info.set);
+                sets.len() - 1
+            });
+            textures[slot as usize] = Some(TextureUse { texture, set, transform: info.transform });
+        }
+        let first = sets.first().copied().unwrap_or(0);
+        ([first, sets.get(1).copied().unwrap_or(usize::from(first == 0))], textures)
     }
 
     /// KHR_materials_pbrSpecularGlossiness as a dielectric whose F0 is what the file says. Of the light that
@@ -140,14 +195,14 @@ impl Materials {
         material.metallic = 0.0;
         material.roughness = 1.0 - glossiness;
         // The texture's alpha is glossiness. What is read is roughness in G and metallic in B.
-        if let Some(texture) = material.metallic_roughness_texture {
-            let mut rough = model.textures[texture].clone();
+        if let Some(used) = &mut material.textures[Slot::MetallicRoughness as usize] {
+            let mut rough = model.textures[used.texture].clone();
             for texel in &mut rough.texels {
                 let roughness = 1.0 - glossiness * f32::from(texel[3]) / 255.0;
                 *texel = [255, (roughness * 255.0 + 0.5) as u8, 0, 255];
             }
             model.textures.push(rough);
-            material.metallic_roughness_texture = Some(model.textures.len() - 1);
+            used.texture = model.textures.len() - 1;
             material.roughness = 1.0;
         }
     }
@@ -179,12 +234,17 @@ impl Factors<'_> {
         color.map_or(default, |color| self.clamped(color, most, key))
     }
 
-    fn ior(&self, from: Json) -> f32 {
-        let ior = from.number("ior").unwrap_or(1.5);
-        if ior == 0.0 || (1.0..=100.0).contains(&ior) {
+    /// Reads a length, from 0 on.
+    fn length(&self, from: Json, key: &str, default: f32) -> f32 {
+        from.number(key).map_or(default, |value| self.clamped(Vec3::splat(value), f32::MAX, key).x)
+    }
+
+    fn ior(&self, from: Json, key: &str, default: f32) -> f32 {
+        let ior = from.number(key).unwrap_or(default);
+        if (ior == 0.0 && key == "ior") || (1.0..=100.0).contains(&ior) {
             return ior;
         }
-        self.file.warn(self.user, "its ior is out of range: 1.5 is taken");
-        1.5
+        self.file.warn(self.user, &format!("its {key} is out of range: {default} is taken"));
+        default
     }
 }

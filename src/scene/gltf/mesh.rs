@@ -4,51 +4,74 @@ use super::{
     CONVERTERS, Fault, File, Read, accessor, fault,
     json::Json,
     material::{Materials, Used},
-    skin::{self, Influence},
-    tangent,
+    skin, tangent,
 };
-use crate::scene::model::{Mesh, Model};
-use glam::{Mat4, Vec2, Vec3};
+use crate::scene::{
+    deform::{Deform, Skin, Target},
+    material::TextureUse,
+    model::{Mesh, Model},
+};
+use glam::{Vec2, Vec3, Vec4};
+use std::sync::Arc;
 
-/// One primitive. Every array is empty or has an entry for each position.
+/// One primitive. Every array of vertices is empty or has an entry for each position.
 #[derive(Default)]
 struct Part {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
+    uvs2: Vec<Vec2>,
     tangents: Vec<[f32; 4]>,
     /// Linear.
-    colors: Vec<Vec3>,
+    colors: Vec<Vec4>,
     triangles: Vec<[u32; 3]>,
+    /// The texture along whose coordinates tangents are made.
+    along: Option<TextureUse>,
+    /// What moves the vertices, if anything does.
+    deform: Option<Deform>,
 }
 
-/// Reads mesh `index`, and adds its materials and textures to `model`. With `joints` its vertices stand where
-/// these put them.
+/// What moves a mesh: its skin, and the node that has the weights of its morph targets.
+#[derive(Clone)]
+pub(super) struct Motion {
+    pub skin: Option<Skin>,
+    pub weights_of: usize,
+}
+
+/// Reads mesh `index`, and adds its materials and textures to `model`. Its vertices stand where `motion` puts them
+/// at rest.
 pub(super) fn load(
     file: &File,
     index: usize,
-    joints: Option<&[Mat4]>,
+    motion: &Motion,
     materials: &mut Materials,
     model: &mut Model,
 ) -> Read<Mesh> {
     let source = file.root.entry("meshes", index);
     let mut mesh = Mesh { name: source.name_or(index), ..Mesh::default() };
-    if source.list("primitives").any(|primitive| primitive.list("targets").len() > 0) {
-        file.unsupported(&format!("mesh {index}"), "a morph target", "drawn without it");
-    }
+    let mut parts = Vec::new();
     for (number, primitive) in source.list("primitives").enumerate() {
         let user = format!("mesh {index}, primitive {number}");
-        let material = materials.get(file, primitive.index("material"), model);
-        let Some(part) = load_part(file, primitive, &user, material, joints)? else { continue };
+        let mappings = primitive.extension("KHR_materials_variants").list("mappings");
+        let varied = file.variant.and_then(|variant| {
+            mappings.clone().find(|mapping| mapping.indices("variants").contains(&variant))?.index("material")
+        });
+        let material = materials.get(file, varied.or(primitive.index("material")), model);
+        let Some(part) = load_part(file, primitive, &user, material, motion, model)? else { continue };
+        parts.push((part, material));
+    }
+    mesh.deform = joined(&parts, motion).map(Arc::new);
+    for (part, material) in parts {
         let (first, vertices) = (mesh.positions.len(), part.positions.len());
         mesh.positions.extend(part.positions);
         mesh.normals.extend(part.normals);
         mesh.uvs.extend(part.uvs);
+        mesh.uvs2.extend(part.uvs2);
         mesh.tangents.extend(part.tangents);
         if !part.colors.is_empty() || !mesh.colors.is_empty() {
-            mesh.colors.resize(first, Vec3::ONE);
+            mesh.colors.resize(first, Vec4::ONE);
             mesh.colors.extend(part.colors);
-            mesh.colors.resize(first + vertices, Vec3::ONE);
+            mesh.colors.resize(first + vertices, Vec4::ONE);
         }
         mesh.materials.extend(std::iter::repeat_n(material.place, part.triangles.len()));
         mesh.triangles.extend(part.triangles.iter().map(|triangle| triangle.map(|vertex| first as u32 + vertex)));
@@ -56,7 +79,48 @@ pub(super) fn load(
     Ok(mesh)
 }
 
-fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: Option<&[Mat4]>) -> Read<Option<Part>> {
+/// Joins what moves the parts of a mesh, if anything does.
+fn joined(parts: &[(Part, Used)], motion: &Motion) -> Option<Deform> {
+    let all = || parts.iter().map(|(part, _)| part);
+    let targets = all().filter_map(|part| part.deform.as_ref()).map(|deform| deform.targets.len()).max()?;
+    // Where one part has flat normals, all are made anew from the triangles, which have vertices of their own there.
+    let normals = all().all(|part| part.deform.as_ref().is_some_and(|deform| !deform.normals.is_empty()));
+    let mut whole = Deform {
+        weights_of: motion.weights_of,
+        skin: motion.skin.clone(),
+        targets: vec![Target::default(); targets],
+        ..Deform::default()
+    };
+    for part in all() {
+        let count = part.positions.len();
+        let own = part.deform.clone().unwrap_or_default();
+        whole.positions.extend(if own.positions.is_empty() { part.positions.clone() } else { own.positions });
+        if normals {
+            whole.normals.extend(own.normals);
+        }
+        let still = vec![(0, 1.0)];
+        whole.influences.extend(if own.influences.is_empty() { vec![still; count] } else { own.influences });
+        for (index, target) in whole.targets.iter_mut().enumerate() {
+            let own = own.targets.get(index).cloned().unwrap_or_default();
+            let filled = |mut values: Vec<Vec3>| {
+                values.resize(count, Vec3::ZERO);
+                values
+            };
+            target.positions.extend(filled(own.positions));
+            target.normals.extend(filled(own.normals));
+        }
+    }
+    Some(whole)
+}
+
+fn load_part(
+    file: &File,
+    primitive: Json,
+    user: &str,
+    material: Used,
+    motion: &Motion,
+    model: &Model,
+) -> Read<Option<Part>> {
     let mode = match primitive.get("mode").exists() {
         true => primitive.index("mode"),
         false => Some(TRIANGLES),
@@ -82,9 +146,12 @@ fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: O
 
     // What is not needed to know the shape is left out if it cannot be read.
     let normals = optional(file, attributes, "NORMAL", vertices, user);
-    let uvs = optional(file, attributes, &format!("TEXCOORD_{}", material.uv.set), vertices, user);
-    let colors = optional(file, attributes, "COLOR_0", vertices, user).unwrap_or_default();
-    let tangents = if material.normal_mapped && normals.is_some() {
+    let [uvs, uvs2] = material.sets.map(|set| {
+        let uvs = optional(file, attributes, &format!("TEXCOORD_{set}"), vertices, user);
+        uvs.map_or_else(|| vec![Vec2::ZERO; vertices], |uvs| uvs.into_iter().map(Vec2::from_array).collect())
+    });
+    let colors = colors(file, attributes, vertices, user);
+    let tangents = if material.tangents.is_some() && normals.is_some() {
         optional(file, attributes, "TANGENT", vertices, user).unwrap_or_default()
     } else {
         Vec::new()
@@ -97,21 +164,34 @@ fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: O
         }
         None => (0..vertices as u32).collect(),
     };
-    let uvs: Vec<[f32; 2]> = uvs.unwrap_or_else(|| vec![[0.0; 2]; vertices]);
     let mut part = Part {
         positions,
         normals: normals.into_iter().flatten().map(Vec3::from_array).collect(),
-        uvs: uvs.into_iter().map(|uv| material.uv.apply(Vec2::from_array(uv))).collect(),
+        uvs,
+        uvs2,
         tangents,
-        colors: colors
-            .into_iter()
-            .map(|color: [f32; 3]| Vec3::from_array(color).clamp(Vec3::ZERO, Vec3::ONE))
-            .collect(),
+        colors,
         triangles: triangles(mode.unwrap_or(TRIANGLES), &corners),
+        along: material.tangents,
+        deform: None,
     };
-    if let Some(joints) = joints {
-        let influences = skin::influences(file, attributes, vertices, user)?;
-        part.pose(joints, &influences);
+    let targets = targets(file, primitive, vertices, user);
+    if motion.skin.is_some() || !targets.is_empty() {
+        let influences = match &motion.skin {
+            Some(skin) => skin::influences(file, attributes, vertices, skin.joints.len(), user)?,
+            None => Vec::new(),
+        };
+        part.rest(
+            Deform {
+                positions: part.positions.clone(),
+                normals: part.normals.clone(),
+                targets,
+                weights_of: motion.weights_of,
+                skin: motion.skin.clone(),
+                influences,
+            },
+            model,
+        );
     }
     part.leave_out_bad_vertices(file, user);
     if part.normals.is_empty() {
@@ -119,13 +199,44 @@ fn load_part(file: &File, primitive: Json, user: &str, material: Used, joints: O
         part.unweld();
     }
     part.mend_normals();
-    if !material.normal_mapped {
+    if material.tangents.is_none() {
         part.tangents = vec![[0.0; 4]; part.positions.len()];
     } else if part.tangents.is_empty() {
         file.count_corners(part.triangles.len() * 3)?;
         part = tangent::generate(part);
     }
     Ok(Some(part))
+}
+
+/// Reads morph targets. What cannot be read moves nothing.
+fn targets(file: &File, primitive: Json, vertices: usize, user: &str) -> Vec<Target> {
+    let of = |(number, target): (usize, Json)| {
+        let user = format!("{user}, target {number}");
+        let read = |name: &str| {
+            let values = optional(file, target, name, vertices, &user).unwrap_or_default();
+            values.into_iter().map(Vec3::from_array).collect::<Vec<Vec3>>()
+        };
+        Target { positions: read("POSITION"), normals: read("NORMAL") }
+    };
+    let all = primitive.list("targets");
+    if file.count_corners(all.len().saturating_mul(vertices)).is_err() {
+        file.warn(user, "has more morph targets than fit: left out");
+        return Vec::new();
+    }
+    all.enumerate().map(of).collect()
+}
+
+/// Reads the colours of vertices, of three or four parts.
+fn colors(file: &File, attributes: Json, vertices: usize, user: &str) -> Vec<Vec4> {
+    let accessor = attributes.index("COLOR_0").unwrap_or(usize::MAX);
+    let four = file.root.entry("accessors", accessor).text("type") == Some("VEC4");
+    let colors: Option<Vec<Vec4>> = if four {
+        optional(file, attributes, "COLOR_0", vertices, user).map(|c| c.into_iter().map(Vec4::from_array).collect())
+    } else {
+        let opaque = |color: [f32; 3]| Vec3::from_array(color).extend(1.0);
+        optional(file, attributes, "COLOR_0", vertices, user).map(|c| c.into_iter().map(opaque).collect())
+    };
+    colors.unwrap_or_default().into_iter().map(|color| color.clamp(Vec4::ZERO, Vec4::ONE)).collect()
 }
 
 /// Reads an attribute that the shape does not depend on. Numbers that are not finite become 0.
@@ -169,8 +280,15 @@ impl Part {
         (b - a).cross(c - a).normalize_or_zero().as_vec3()
     }
 
-    fn pose(&mut self, joints: &[Mat4], influences: &[Influence]) {
-        skin::pose(joints, influences, &mut self.positions, &mut self.normals, &mut self.tangents);
+    /// Puts the vertices where they are at rest.
+    fn rest(&mut self, deform: Deform, model: &Model) {
+        let posed = deform.pose(&model.rig.node_matrices(None), &model.rig.weights(deform.weights_of, None));
+        (self.positions, self.normals) = (posed.positions, posed.normals);
+        for (tangent, turn) in self.tangents.iter_mut().zip(&posed.turns) {
+            let [x, y, z, sign] = *tangent;
+            *tangent = (*turn * Vec3::new(x, y, z)).normalize_or_zero().extend(sign).to_array();
+        }
+        self.deform = Some(deform);
     }
 
     /// Leaves out triangles with a vertex that does not exist, is not finite or lies beyond 1e9.
@@ -186,6 +304,10 @@ impl Part {
         for (position, _) in self.positions.iter_mut().zip(good).filter(|(_, good)| !good) {
             *position = Vec3::ZERO;
         }
+        if let Some(deform) = &mut self.deform {
+            let numbers = |v: &mut Vec3| *v = if v.is_finite() { *v } else { Vec3::ZERO };
+            deform.positions.iter_mut().for_each(numbers);
+        }
     }
 
     /// Makes vertex `i` what vertex `old[i]` was. Tangents are dropped.
@@ -198,7 +320,19 @@ impl Part {
         take(&mut self.positions, old);
         take(&mut self.normals, old);
         take(&mut self.uvs, old);
+        take(&mut self.uvs2, old);
         take(&mut self.colors, old);
+        if let Some(deform) = &mut self.deform {
+            take(&mut deform.positions, old);
+            take(&mut deform.normals, old);
+            if !deform.influences.is_empty() {
+                deform.influences = old.iter().map(|vertex| deform.influences[*vertex].clone()).collect();
+            }
+            for target in &mut deform.targets {
+                take(&mut target.positions, old);
+                take(&mut target.normals, old);
+            }
+        }
         self.tangents.clear();
     }
 
@@ -243,7 +377,10 @@ impl tangent::Corners for Part {
 
     fn position_normal_uv(&self, vertex: u32) -> ([f32; 3], [f32; 3], [f32; 2]) {
         let vertex = vertex as usize;
-        (self.positions[vertex].to_array(), self.normals[vertex].to_array(), self.uvs[vertex].to_array())
+        let along = self.along.unwrap_or(TextureUse::plain(0));
+        let uv = if along.set == 0 { self.uvs[vertex] } else { self.uvs2[vertex] };
+        let uv = along.transform.transform_point2(uv);
+        (self.positions[vertex].to_array(), self.normals[vertex].to_array(), uv.to_array())
     }
 
     fn rebuild(mut self, vertices: &[(u32, [f32; 4])], triangles: Vec<[u32; 3]>) -> Self {

@@ -17,7 +17,10 @@ mod skin;
 mod tangent;
 mod texture;
 
-use super::model::{Model, Rig};
+use super::{
+    fields::nearest,
+    model::{Model, Rig},
+};
 use crate::{Error, Result, image_file::read};
 use json::Json;
 use serde_json::Value;
@@ -27,8 +30,16 @@ use std::{
     path::Path,
 };
 
-const SUPPORTED: [&str; 10] = [
+const SUPPORTED: [&str; 18] = [
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_dispersion",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
+    "KHR_materials_transmission",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
     "KHR_materials_emissive_strength",
     "KHR_materials_specular",
     "KHR_materials_ior",
@@ -47,16 +58,35 @@ const CONVERTERS: [(&str, &str); 3] = [
     ("KHR_meshopt_compression", "gltfpack -noq -i IN.glb -o OUT.glb"),
 ];
 
+/// Extensions with images that are not read, and the command that writes the file with others.
+const IMAGES: [(&str, &str); 3] = [
+    ("KHR_texture_basisu", "gltf-transform ktxdecompress IN.glb OUT.glb"),
+    ("EXT_texture_avif", "gltf-transform png IN.glb OUT.glb"),
+    ("MSFT_texture_dds", "gltf-transform png IN.glb OUT.glb"),
+];
+
+/// Extensions that do not change what is seen.
+const SILENT: [&str; 3] = ["KHR_xmp", "KHR_xmp_json_ld", "EXT_mesh_manifold"];
+
 /// Loads a `.gltf` or `.glb` file. The warnings name what was left out.
 ///
 /// # Errors
 /// Fails if the file cannot be read, is no glTF 2.0, or has geometry that cannot be read.
 pub fn load(path: &Path) -> Result<(Model, Vec<String>)> {
+    load_variant(path, None)
+}
+
+/// Loads a file with its materials as the named variant has them (KHR_materials_variants).
+///
+/// # Errors
+/// Fails as [`load`] does, or if the file has no variant of this name.
+pub fn load_variant(path: &Path, variant: Option<&str>) -> Result<(Model, Vec<String>)> {
     let subject = path.display().to_string();
     let bytes = read::read_bytes(path)?;
     let refuse = |Fault { problem, remedy }: Fault| Error::input(&subject, problem, remedy);
     let (root, blob) = parse(&bytes).map_err(refuse)?;
     let file = File::new(&subject, path.parent().unwrap_or(Path::new("")), Json::new(&root), blob).map_err(refuse)?;
+    let file = file.with_variant(variant).map_err(refuse)?;
     let mut model = file.model().map_err(refuse)?;
     model.name = path.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy().into_owned());
     Ok((model, file.into_warnings()))
@@ -132,6 +162,8 @@ struct File<'a> {
     warnings: RefCell<BTreeMap<String, (String, usize)>>,
     /// Vertices and triangle corners read so far.
     corners: Cell<usize>,
+    /// The number of the variant whose materials are taken.
+    variant: Option<usize>,
     /// Elements of accessors without a buffer so far.
     zeros: Cell<usize>,
 }
@@ -154,16 +186,40 @@ impl<'a> File<'a> {
             buffers: root.list("buffers").map(|_| OnceCell::new()).collect(),
             warnings: RefCell::default(),
             corners: Cell::new(0),
+            variant: None,
             zeros: Cell::new(0),
         };
         if version.is_none() {
             file.warn("asset", "has no version: 2.0 is taken");
         }
-        let unknown = |name: &&str| !SUPPORTED.contains(name) && !CONVERTERS.iter().any(|(known, _)| known == name);
-        for extension in root.texts("extensionsUsed").chain(root.texts("extensionsRequired")).filter(unknown) {
+        let unknown = |name: &&str| {
+            let converted = CONVERTERS.iter().chain(&IMAGES).any(|(known, _)| known == name);
+            !SUPPORTED.contains(name) && !SILENT.contains(name) && !converted
+        };
+        if let Some(extension) = root.texts("extensionsRequired").find(unknown) {
+            let problem = format!("requires the extension {}, which is not read", read::one_line(&extension));
+            return Err(Fault { problem, remedy: "export it without".into() });
+        }
+        for extension in root.texts("extensionsUsed").filter(unknown) {
             file.unsupported("extensionsUsed", &format!("the extension {}", read::one_line(&extension)), "ignored");
         }
         Ok(file)
+    }
+
+    fn with_variant(self, name: Option<&str>) -> Read<Self> {
+        let Some(name) = name else { return Ok(self) };
+        let variants = self.root.extension("KHR_materials_variants").list("variants");
+        let names: Vec<&str> = variants.map(|variant| variant.text("name").unwrap_or_default()).collect();
+        match names.iter().position(|known| *known == name) {
+            Some(index) => Ok(Self { variant: Some(index), ..self }),
+            None => Err(Fault {
+                problem: format!("has no variant \"{}\"", read::one_line(&name)),
+                remedy: match names.is_empty() {
+                    true => "leave variant out: the file has none".into(),
+                    false => nearest(name, &names),
+                },
+            }),
+        }
     }
 
     /// Adds a warning about `place`. The same about other places is counted.
@@ -212,20 +268,22 @@ impl<'a> File<'a> {
         let mut model = Model::default();
         let drawn = node::load(self, &mut model);
         let place = node::places(self, &drawn);
-        let matrices: Vec<glam::Mat4> = model.rig.node_matrices(None).into_iter().map(Into::into).collect();
-        let placed: Vec<_> = place.iter().map(|place| place.map(|node| matrices[node])).collect();
         let mut materials = material::Materials::new(self.root.list("materials").len());
-        let mut meshes: BTreeMap<(usize, Option<usize>), usize> = BTreeMap::new();
+        // A mesh that a skin or weights move is another one at each node.
+        let mut meshes: BTreeMap<(usize, Option<usize>, Option<usize>), usize> = BTreeMap::new();
         for node in drawn {
             let Some(mesh) = node.mesh else { continue };
-            let known = match meshes.get(&(mesh, node.skin)) {
+            let morphs = !model.rig.nodes[node.place].weights.is_empty();
+            let key = (mesh, node.skin, morphs.then_some(node.place));
+            let known = match meshes.get(&key) {
                 Some(known) => *known,
                 None => {
-                    let joints = node.skin.map(|skin| skin::joints(self, skin, &placed));
-                    let joints = joints.and_then(|joints| joints.map_err(|fault| self.left_out(fault)).ok());
-                    let loaded = mesh::load(self, mesh, joints.as_deref(), &mut materials, &mut model)?;
+                    let skin = node.skin.map(|skin| skin::load(self, skin, &place));
+                    let skin = skin.and_then(|skin| skin.map_err(|fault| self.left_out(fault)).ok());
+                    let motion = mesh::Motion { skin, weights_of: node.place };
+                    let loaded = mesh::load(self, mesh, &motion, &mut materials, &mut model)?;
                     model.meshes.push(loaded);
-                    meshes.insert((mesh, node.skin), model.meshes.len() - 1);
+                    meshes.insert(key, model.meshes.len() - 1);
                     model.meshes.len() - 1
                 }
             };

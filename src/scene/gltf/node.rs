@@ -13,7 +13,7 @@ pub(super) struct Drawn {
     /// Its number in the file.
     pub source: usize,
     /// Its place in the model.
-    place: usize,
+    pub place: usize,
     /// The number of its mesh in the file.
     pub mesh: Option<usize>,
     pub skin: Option<usize>,
@@ -39,6 +39,7 @@ pub(super) fn load(file: &File, model: &mut Model) -> Vec<Drawn> {
             parent: parent.and_then(|parent: usize| place[parent]),
             local: local(file, source, node),
             mesh: None,
+            weights: mesh.map_or_else(Vec::new, |mesh| weights(file, node, mesh)),
         });
     }
     drawn
@@ -57,17 +58,21 @@ pub(super) fn give_mesh(file: &File, rig: &mut Rig, drawn: Drawn, mesh: usize) {
     let node = file.root.entry("nodes", drawn.source);
     let name = rig.nodes[drawn.place].name.clone();
     if drawn.skin.is_some() {
-        if file.root.list("animations").len() > 0 {
-            file.unsupported(&format!("node {}", drawn.source), "an animated skin", "drawn in its rest pose");
-        }
-        rig.nodes.push(Node { name, parent: None, local: Local::Transform(Transform::IDENTITY), mesh: Some(mesh) });
+        let local = Local::Transform(Transform::IDENTITY);
+        rig.nodes.push(Node { name, parent: None, local, mesh: Some(mesh), weights: Vec::new() });
         return;
     }
     let instancing = node.extension("EXT_mesh_gpu_instancing").get("attributes");
     if instancing.exists() {
         match instances(file, instancing, &format!("node {}", drawn.source)) {
             Ok(locals) => {
-                let node = |local| Node { name: name.clone(), parent: Some(drawn.place), local, mesh: Some(mesh) };
+                let node = |local| Node {
+                    name: name.clone(),
+                    parent: Some(drawn.place),
+                    local,
+                    mesh: Some(mesh),
+                    weights: Vec::new(),
+                };
                 rig.nodes.extend(locals.into_iter().map(node));
                 return;
             }
@@ -75,6 +80,18 @@ pub(super) fn give_mesh(file: &File, rig: &mut Rig, drawn: Drawn, mesh: usize) {
         }
     }
     rig.nodes[drawn.place].mesh = Some(mesh);
+}
+
+/// Returns the weights of a mesh's morph targets: the node's, else the mesh's, else 0.
+fn weights(file: &File, node: Json, mesh: usize) -> Vec<f32> {
+    let mesh = file.root.entry("meshes", mesh);
+    let count = mesh.list("primitives").map(|primitive| primitive.list("targets").len()).max().unwrap_or(0);
+    let mut weights = node.floats("weights");
+    if weights.is_empty() {
+        weights = mesh.floats("weights");
+    }
+    weights.resize(count, 0.0);
+    weights
 }
 
 fn instances(file: &File, attributes: Json, user: &str) -> Read<Vec<Local>> {

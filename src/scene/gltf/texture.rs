@@ -1,26 +1,24 @@
 //! Reads textures of a glTF file, and where they lie on a surface.
 
-use super::{File, Read, json::Json, resource};
+use super::{File, IMAGES, Read, json::Json, resource};
 use crate::scene::{
     material::{TexelEncoding, Texture, Wrap},
     model::Model,
 };
-use glam::{Mat2, Vec2};
+use glam::{Affine2, Mat2, Vec2};
 use std::collections::{HashMap, hash_map::Entry};
 
-/// Which texture coordinates a material uses, and how KHR_texture_transform moves them. It is baked into the
-/// vertices.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct UvSource {
+/// A texture that a material names: its number, the set of coordinates in the file, and how it lies on them.
+#[derive(Clone, Copy)]
+pub(super) struct Info {
+    pub texture: usize,
     pub set: usize,
-    offset: Vec2,
-    linear: Mat2,
+    pub transform: Affine2,
 }
 
-impl UvSource {
-    pub(super) const PLAIN: Self = Self { set: 0, offset: Vec2::ZERO, linear: Mat2::IDENTITY };
-
-    fn of(info: Json) -> Self {
+impl Info {
+    pub(super) fn of(info: Json) -> Option<Self> {
+        let texture = info.index("index")?;
         let transform = info.extension("KHR_texture_transform");
         let set = transform.index("texCoord").or(info.index("texCoord")).unwrap_or(0);
         // The rotation is counter-clockwise as seen, with v growing downwards.
@@ -28,25 +26,8 @@ impl UvSource {
         let rotate = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
         let scale = Vec2::from(transform.numbers("scale").unwrap_or([1.0; 2]));
         let offset = Vec2::from(transform.numbers("offset").unwrap_or([0.0; 2]));
-        Self { set, offset, linear: rotate * Mat2::from_diagonal(scale) }
-    }
-
-    /// Returns the coordinates at which the textures are read.
-    pub(super) fn apply(&self, uv: Vec2) -> Vec2 {
-        self.offset + self.linear * uv
-    }
-}
-
-/// A texture that a material uses.
-#[derive(Clone, Copy)]
-pub(super) struct Slot {
-    pub texture: usize,
-    pub uv: UvSource,
-}
-
-impl Slot {
-    pub(super) fn of(info: Json) -> Option<Self> {
-        info.index("index").map(|texture| Self { texture, uv: UvSource::of(info) })
+        let matrix = rotate * Mat2::from_diagonal(scale);
+        Some(Self { texture, set, transform: Affine2::from_mat2_translation(matrix, offset) })
     }
 }
 
@@ -86,11 +67,12 @@ impl Textures {
         let webp = source.extension("EXT_texture_webp").index("source");
         let Some(image) = source.index("source").or(webp) else {
             let user = format!("texture {index}");
-            let problem = match ["KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"]
-                .into_iter()
-                .find(|extension| source.extension(extension).exists())
-            {
-                Some(extension) => format!("has its image in {extension} alone, which is not supported: left out"),
+            let problem = match IMAGES.iter().find(|(extension, _)| source.extension(extension).exists()) {
+                Some((extension, command)) => {
+                    format!(
+                        "has its image in {extension} alone, which is not read: left out; convert it, as by: {command}"
+                    )
+                }
                 None if source.exists() => "has no source: left out".to_owned(),
                 None => "does not exist: left out".to_owned(),
             };

@@ -1,7 +1,7 @@
 //! The modelling kit of the built-in rooms: closed shapes with outward normals and texture coordinates in
 //! metres, and the builder that collects them into one mesh. The same call gives the same bits.
 
-use crate::scene::material::{Material, Texture};
+use crate::scene::material::{Material, Slot, Texture};
 use crate::scene::model::{Mesh, Model};
 use glam::{Affine3A, Mat3, Vec2, Vec3, vec2, vec3};
 use std::collections::HashMap;
@@ -363,9 +363,9 @@ impl Builder {
 
     /// Adds `material` coloured by a texture.
     pub fn textured(&mut self, material: Material, texture: Texture) -> u32 {
-        let base_color_texture = Some(self.textures.len());
+        let place = self.textures.len();
         self.textures.push(Texture { name: material.name.clone(), ..texture });
-        self.material(Material { base_color_texture, base_color: Vec3::ONE, ..material })
+        self.material(Material { base_color: Vec3::ONE, ..material }.with_texture(Slot::BaseColor, place))
     }
 
     /// Adds pure Lambert coloured by a texture.

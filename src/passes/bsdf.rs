@@ -1,12 +1,14 @@
-//! The table of the GGX lobe's directional albedo, which `brdf.glsl` reads.
+//! The tables of the GGX and sheen lobes' directional albedo, which `bsdf.glsl` reads.
 
-/// Width and height of the table. `brdf.glsl` has the same constant.
+use rayon::prelude::*;
+
+/// Width and height of each table. `bsdf.glsl` has the same constant.
 pub const ENERGY_SIZE: usize = 32;
 
 /// Directional albedo ρ = F0·x + F90·y of the GGX lobe (height-correlated Smith, Schlick), as (x, y) over cos
 /// θ_o (columns) and roughness (rows). Both run from 0 to 1 with the ends included. x + y is the albedo of a
 /// perfect reflector. Integrated over visible-normal samples, with the Fresnel term split as in Karis 2013.
-pub fn brdf_table() -> Vec<[f32; 2]> {
+pub fn ggx_table() -> Vec<[f32; 2]> {
     const SAMPLES: usize = 32;
     let mut table = Vec::with_capacity(ENERGY_SIZE * ENERGY_SIZE);
     for row in 0..ENERGY_SIZE {
@@ -37,6 +39,35 @@ pub fn brdf_table() -> Vec<[f32; 2]> {
     table
 }
 
+/// Directional albedo of the sheen lobe of colour 1 (Charlie's distribution, Estevez and Kulla 2017; visibility by
+/// Neubelt and Pettineo 2013), in x, over the same axes. Integrated over cosine-weighted directions.
+pub fn sheen_table() -> Vec<[f32; 2]> {
+    const SAMPLES: usize = 64;
+    let entry = |index: usize| {
+        let (row, column) = (index / ENERGY_SIZE, index % ENERGY_SIZE);
+        let roughness = (row as f64 / (ENERGY_SIZE - 1) as f64).max(LEAST_SHEEN);
+        let inverse = 1.0 / (roughness * roughness);
+        let cosine = (column as f64 / (ENERGY_SIZE - 1) as f64).max(1e-3);
+        let o = glam::DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+        let mut sum = 0.0;
+        for i in 0..SAMPLES * SAMPLES {
+            let (u, v) = (((i % SAMPLES) as f64 + 0.5) / SAMPLES as f64, ((i / SAMPLES) as f64 + 0.5) / SAMPLES as f64);
+            let (sin, cos) = (std::f64::consts::TAU * u).sin_cos();
+            let light = glam::DVec3::new(v.sqrt() * cos, v.sqrt() * sin, (1.0 - v).sqrt());
+            let h = (o + light).normalize();
+            let sine = (1.0 - h.z * h.z).max(1e-12).sqrt();
+            let distribution = (2.0 + inverse) * sine.powf(inverse) / std::f64::consts::TAU;
+            // f·cos over the density cos/π
+            sum += std::f64::consts::PI * distribution / (4.0 * (o.z + light.z - o.z * light.z).max(1e-4));
+        }
+        [(sum / (SAMPLES * SAMPLES) as f64) as f32, 0.0]
+    };
+    (0..ENERGY_SIZE * ENERGY_SIZE).into_par_iter().map(entry).collect()
+}
+
+/// The least roughness of sheen. `bsdf.glsl` has the same constant.
+const LEAST_SHEEN: f64 = 0.2;
+
 fn smith_lambda(cosine: f64, alpha: f64) -> f64 {
     let c2 = cosine * cosine;
     0.5 * ((1.0 + alpha * alpha * (1.0 - c2) / c2).sqrt() - 1.0)
@@ -58,7 +89,7 @@ mod tests {
 
     #[test]
     fn a_smooth_reflector_loses_nothing_and_a_rough_one_does() {
-        let table = brdf_table();
+        let table = ggx_table();
         let energy =
             |row: usize, column: usize| table[row * ENERGY_SIZE + column][0] + table[row * ENERGY_SIZE + column][1];
         assert!((energy(0, 16) - 1.0).abs() < 1e-3);

@@ -1,10 +1,11 @@
 //! The triangles that shine, in a table from which one is drawn by area × luminance.
 
-use crate::scene::{
+use super::{
     bvh,
-    packed::{Instance, Light, NONE, PackedInstances, PackedScene},
+    packed::{Instance, Light, NONE, PackedInstances, PackedScene, TriangleGeometry},
 };
 use glam::{Vec3, vec3};
+use std::collections::HashMap;
 
 /// All lights of a scene at one time.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,27 +16,68 @@ pub struct SceneLights {
     pub power: f64,
 }
 
-/// Collects the lights. Textured emission counts with its factor, which is an upper bound.
-pub fn light_table(scene: &PackedScene, state: &PackedInstances) -> SceneLights {
-    let mut lights = Vec::new();
-    let mut weights = Vec::new();
-    for (index, instance) in state.instances.iter().enumerate() {
-        for triangle in triangles_below(scene, instance.root) {
-            let emissive = scene.materials[scene.shading[triangle as usize].material as usize].emissive;
-            let weight = f64::from(luminance(emissive)) * area(scene, instance, triangle);
-            if weight > 0.0 {
-                lights.push(Light { instance: index as u32, triangle, ..Default::default() });
-                weights.push(weight);
+/// The triangles that shine of each mesh, with their luminance, by the mesh's root.
+#[derive(Clone, Debug, Default)]
+pub struct Shining(HashMap<u32, Vec<(u32, f32)>>);
+
+impl Shining {
+    /// Looks through all materials. Textured emission counts with its factor, which is an upper bound.
+    pub fn of(scene: &PackedScene) -> Self {
+        let shines = scene.materials.iter().any(|material| luminance(material.emissive) > 0.0);
+        let roots = scene.nodes.iter().enumerate().scan(true, |first, (index, node)| {
+            let is_root = std::mem::replace(first, node.leaf != 0 && node.next == NONE);
+            Some(is_root.then_some(index as u32))
+        });
+        let of = |root: u32| {
+            let luminance =
+                |triangle: u32| luminance(scene.materials[scene.shading[triangle as usize].material as usize].emissive);
+            let all = triangles_below(scene, root).into_iter().map(|triangle| (triangle, luminance(triangle)));
+            (root, all.filter(|(_, luminance)| *luminance > 0.0).collect::<Vec<_>>())
+        };
+        let found = roots.flatten().filter(|_| shines).map(of).filter(|(_, triangles)| !triangles.is_empty());
+        Self(found.collect())
+    }
+
+    /// Returns the most lights that instances of these meshes can have.
+    pub fn most(&self, roots: impl Iterator<Item = u32>) -> usize {
+        roots.filter_map(|root| self.0.get(&root)).map(Vec::len).sum()
+    }
+
+    /// Collects the lights of a scene at one time.
+    pub fn lights(&self, scene: &PackedScene, state: &PackedInstances) -> SceneLights {
+        let mut lights = Vec::new();
+        let mut weights = Vec::new();
+        for (index, instance) in state.instances.iter().enumerate() {
+            for (triangle, luminance) in self.0.get(&instance.root).into_iter().flatten() {
+                let weight = f64::from(*luminance) * area(shape(scene, state, *triangle), instance);
+                if weight > 0.0 {
+                    lights.push(Light { instance: index as u32, triangle: *triangle, ..Default::default() });
+                    weights.push(weight);
+                }
             }
         }
+        let power = weights.iter().sum::<f64>();
+        let mut below = 0.0;
+        for (light, weight) in lights.iter_mut().zip(&weights) {
+            light.below = (below / power) as f32;
+            below += weight;
+        }
+        SceneLights { lights, power }
     }
-    let power = weights.iter().sum::<f64>();
-    let mut below = 0.0;
-    for (light, weight) in lights.iter_mut().zip(&weights) {
-        light.below = (below / power) as f32;
-        below += weight;
-    }
-    SceneLights { lights, power }
+}
+
+/// Collects the lights.
+pub fn light_table(scene: &PackedScene, state: &PackedInstances) -> SceneLights {
+    Shining::of(scene).lights(scene, state)
+}
+
+/// Returns a triangle as it is now.
+fn shape(scene: &PackedScene, state: &PackedInstances, triangle: u32) -> TriangleGeometry {
+    let patch = state
+        .patches
+        .iter()
+        .find_map(|patch| patch.triangles.get(triangle.checked_sub(patch.first_triangle)? as usize));
+    patch.copied().unwrap_or(scene.triangles[triangle as usize])
 }
 
 fn luminance(color: Vec3) -> f32 {
@@ -43,8 +85,7 @@ fn luminance(color: Vec3) -> f32 {
 }
 
 /// Returns the world-space area of a triangle, m².
-fn area(scene: &PackedScene, instance: &Instance, triangle: u32) -> f64 {
-    let shape = scene.triangles[triangle as usize];
+fn area(shape: TriangleGeometry, instance: &Instance) -> f64 {
     let world = |edge: Vec3| {
         let row = |i: usize| Vec3::from_slice(&instance.object_to_world[i]).as_dvec3().dot(edge.as_dvec3());
         glam::dvec3(row(0), row(1), row(2))
@@ -67,7 +108,7 @@ fn triangles_below(scene: &PackedScene, root: u32) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::packed::{BvhNode, PackedMaterial, TriangleGeometry, TriangleShading};
+    use crate::scene::packed::{BvhNode, PackedMaterial, TriangleShading};
 
     /// Makes triangles of these legs (area ½ leg²), each of its own material that shines with `radiance`.
     fn scene(triangles: &[(f32, f32)]) -> (PackedScene, PackedInstances) {
