@@ -19,6 +19,7 @@
 //!   [`gpu::Ticket`], and waiting for the ticket gives the time of each dispatch.
 //! * [`image_file`] reads PNG, JPEG, WebP, TIFF, HDR and EXR, and hears what they say of layers, crops and
 //!   colours. It writes PNG and EXR, and never leaves half a file.
+//! * [`media`] reads and writes videos by `ffmpeg`, whose frames cross pipes.
 //! * [`settings`]: every approximation is a named value. A [`settings::Method`] is a preset of them.
 //! * [`panorama`] loads the video's frames as linear radiance and metres, maps directions to texels, and
 //!   finds the floor.
@@ -106,6 +107,7 @@ pub mod gpu;
 pub mod image_file;
 pub mod inspect;
 pub mod measure;
+pub mod media;
 pub mod options;
 pub mod output;
 pub mod panorama;

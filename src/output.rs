@@ -4,9 +4,9 @@ use crate::{
     Error, Result,
     image_file::{
         ExrLayer,
-        write::{write_display, write_exr},
+        write::{display_code, write_display, write_exr, write_png},
     },
-    renderer::Renderer,
+    renderer::{Renderer, mattes::MATTES},
     scene::Scene,
     warnings,
 };
@@ -58,7 +58,8 @@ pub fn write(
         return write_display(path, size, &picture, exposure);
     }
     let mut layers = vec![ExrLayer::rgb("", size, &picture)];
-    let names = if aovs == ["all"] { renderer.aov_names() } else { aovs.to_vec() };
+    let every = || renderer.aov_names().into_iter().chain(MATTES.map(str::to_owned)).collect();
+    let names = if aovs == ["all"] { every() } else { aovs.to_vec() };
     for name in names.iter().filter(|name| *name != "radiance") {
         let texels = renderer.aov(name)?;
         let channel = |i: usize| texels.iter().map(|t| t[i]).collect::<Vec<f32>>();
@@ -66,4 +67,21 @@ pub fn write(
         layers.push(ExrLayer { name: name.clone(), size, channels });
     }
     write_exr(path, &layers)
+}
+
+/// Writes the virtual surfaces of the renderer's last picture as a PNG with alpha, which is not premultiplied.
+///
+/// # Errors
+/// Fails if the file cannot be written.
+pub fn write_alpha(renderer: &Renderer, scene: &Scene, path: &Path, exposure: f32) -> Result<()> {
+    let codes: Vec<u8> = renderer
+        .aov("alpha")?
+        .into_iter()
+        .flat_map(|[r, g, b, alpha]| {
+            let color = if alpha > 0.0 { Vec3::new(r, g, b) / alpha } else { Vec3::ZERO };
+            let [r, g, b] = scene.panorama.for_display(color).to_array().map(|value| display_code(exposure * value));
+            [r, g, b, (alpha.clamp(0.0, 1.0) * 255.0).round() as u8]
+        })
+        .collect();
+    write_png(path, renderer.options().size, &codes, 4)
 }

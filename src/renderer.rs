@@ -3,6 +3,7 @@
 pub mod aov;
 pub mod cost;
 mod interactive;
+pub mod mattes;
 
 #[cfg(feature = "faults")]
 use crate::passes::fault::Fault;
@@ -42,7 +43,7 @@ use glam::{Quat, Vec3};
 use std::{
     collections::VecDeque,
     sync::{
-        Arc,
+        Arc, Weak,
         atomic::{AtomicU32, Ordering},
     },
 };
@@ -68,6 +69,8 @@ pub struct Renderer {
     /// Bound as the relit map if nothing is relit.
     nothing: Image,
     video_frame: Option<usize>,
+    /// What the panorama's images hold: the pixels may be those of later video frames, too.
+    prepared_content: Weak<PanoramaFrame>,
     previous_time: Option<f64>,
     movers: Movers,
     frame: u32,
@@ -121,7 +124,7 @@ struct Lighting {
 struct FrameState {
     video_frame: usize,
     /// The panorama, if this frame is the first to show its video frame.
-    content: Option<PanoramaFrame>,
+    content: Option<Arc<PanoramaFrame>>,
     /// The instances, relative to the panorama's centre.
     instances: PackedInstances,
     /// What does not change of them.
@@ -237,6 +240,7 @@ impl Renderer {
             relight,
             nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32u)?,
             video_frame: None,
+            prepared_content: Weak::new(),
             previous_time: None,
             movers: Movers::default(),
             frame: 0,
@@ -482,8 +486,20 @@ impl Renderer {
     /// Loads what is shown at this time, and finds out what has moved.
     fn advance(&mut self, scene: &Scene, time: f64, wishes: &Wishes) -> Result<FrameState> {
         let video_frame = if self.plan.on(Part::Video) { scene.panorama.frame_at(time) } else { 0 };
-        let new_video_frame = self.video_frame != Some(video_frame);
-        let content = new_video_frame.then(|| self.video_frame(scene, video_frame)).transpose()?;
+        let mut content = match self.video_frame {
+            Some(known) if known == video_frame => None,
+            _ => Some(self.video_frame(scene, video_frame)?),
+        };
+        // Equal frames are one: their pixels are there already, and so is what was made of them.
+        let known = content.as_ref().is_some_and(|content| Arc::downgrade(content).ptr_eq(&self.prepared_content));
+        let video_frame = match self.video_frame {
+            Some(same) if known => {
+                content = None;
+                same
+            }
+            _ => video_frame,
+        };
+        let new_video_frame = content.is_some();
         let mut state = scene.at(time, self.previous_time.unwrap_or(time));
         if self.options.without_objects || !self.plan.on(Part::Objects) {
             state.instances = PackedInstances::default();
@@ -514,10 +530,10 @@ impl Renderer {
         Ok(state)
     }
 
-    fn video_frame(&self, scene: &Scene, number: usize) -> Result<PanoramaFrame> {
+    fn video_frame(&self, scene: &Scene, number: usize) -> Result<Arc<PanoramaFrame>> {
         let mut content = scene.panorama.load(number)?;
         if planted!(self, DepthStale) {
-            content.depth = scene.panorama.load(0)?.depth;
+            Arc::make_mut(&mut content).depth = scene.panorama.load(0)?.depth.clone();
         }
         if content.color_size != self.panorama.color_size || content.depth_size != self.panorama.depth_size {
             let problem = format!("frame {number} has another size than the first");
@@ -533,6 +549,9 @@ impl Renderer {
         }
         // set only now, so that a failed frame leaves the panorama unprepared
         self.video_frame = Some(state.video_frame);
+        if let Some(content) = &state.content {
+            self.prepared_content = Arc::downgrade(content);
+        }
         if !self.plan.on(Part::Video) && self.preparation.take().is_some() {
             self.panorama.settle();
         }

@@ -47,6 +47,11 @@ impl Temporary {
         Ok(Self { path: file.path().to_owned(), file: Some(file) })
     }
 
+    /// Where it is until it is kept, for another program to write.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The file, open for writing.
     ///
     /// # Errors

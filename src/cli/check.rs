@@ -6,18 +6,19 @@ use super::{
     json::JsonArgs,
 };
 use crate::{
-    Result,
-    inspect::{self, Report, sheet},
+    Error, Result,
+    inspect::{self, Report, sheet, video::VideoReport},
+    media,
     panorama::cloud::Cloud,
     scene::{load::Examined, rooms},
     warnings,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt check`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// A scene file, or a built-in room
+    /// A scene file, a built-in room, or a video file
     pub scene: String,
     /// Write a sheet of pictures: colour, depth, normals, and floor and objects from above
     #[arg(short, long, value_name = "PNG")]
@@ -42,6 +43,9 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<()> {
     args.json.require()?;
     args.output.iter().try_for_each(|path| super::render::require_folder(path))?;
+    if media::is_video(Path::new(&args.scene)) {
+        return check_video(args);
+    }
     let mut examined = examine(args)?;
     let mut found = std::mem::take(&mut examined.warnings);
     if let (Some(scene), Some(frame)) = (&examined.scene, &examined.first) {
@@ -71,6 +75,23 @@ pub fn run(args: &Args) -> Result<()> {
             super::forbid_warnings(args.strict && !found.is_empty(), &args.scene)
         }
     }
+}
+
+/// Prints what was understood of a video file.
+fn check_video(args: &Args) -> Result<()> {
+    let path = Path::new(&args.scene);
+    if args.output.is_some() {
+        let remedy = format!("write a scene first: iprt new {}", args.scene);
+        return Err(Error::input("--output", "a video alone has no sheet of pictures", remedy));
+    }
+    let report = VideoReport::of(path)?;
+    warnings::tell(&report.warnings);
+    if !args.json.is_printed() {
+        super::print_lines(&crate::terminal::hidden(&report.text()));
+        super::print(&format!("{}: no problems, {} warnings", args.scene, report.warnings.len()));
+    }
+    args.json.write(&report)?;
+    super::forbid_warnings(args.strict && !report.warnings.is_empty(), &args.scene)
 }
 
 fn examine(args: &Args) -> Result<Examined> {

@@ -9,6 +9,7 @@ pub mod common;
 pub mod compare;
 mod compare_sequence;
 pub mod devices;
+pub mod join;
 pub mod json;
 pub mod masks;
 pub mod new;
@@ -19,6 +20,7 @@ pub mod render;
 pub mod scene;
 pub mod shell;
 pub mod signals;
+pub mod sink;
 pub mod stability;
 pub mod target;
 #[cfg(feature = "viewer")]
@@ -74,6 +76,8 @@ pub enum Command {
     Compare(compare::Args),
     /// Write which pixels show objects, and which they influence
     Masks(masks::Args),
+    /// Check that all frames of a render are there, and encode them as a video
+    Join(join::Args),
     /// Report every problem of a scene at once, what it measures, and what can hardly be right
     Check(check::Args),
     /// Write a scene file for a panorama, its depth and models
@@ -100,6 +104,7 @@ impl Command {
             Self::Reference(args) => args.picture.quiet,
             Self::Plan(args) => args.picture.quiet,
             Self::Masks(args) => args.picture.quiet,
+            Self::Join(args) => args.quiet,
             Self::Capture(args) => args.quiet,
             Self::Chart(args) => args.quiet,
             Self::Check(args) => args.quiet,
@@ -120,6 +125,7 @@ impl Command {
             Self::Plan(args) => plan::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Masks(args) => masks::run(&args),
+            Self::Join(args) => join::run(&args),
             Self::Check(args) => check::run(&args),
             Self::New(args) => new::run(&args),
             Self::Stability(args) => stability::run(&args),

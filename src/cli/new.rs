@@ -2,15 +2,15 @@
 
 use crate::{
     Error, Result,
-    image_file::{read::read, write::write_bytes},
+    image_file::write::write_bytes,
     inspect::Report,
     panorama::{
         cloud::Cloud,
         depth::{DepthEncoding, box_depth},
         guess::{self, Guess},
-        pattern::Pattern,
         room::level,
         source::PanoramaFrame,
+        stream::first_picture,
     },
     scene::{
         Object, Scene,
@@ -30,7 +30,7 @@ use std::{
 /// Arguments of `iprt new`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// The panorama: an image or a %04d pattern
+    /// The panorama: an image, a video or a %04d pattern
     pub panorama: PathBuf,
     /// Its depth, if the panorama does not hold it, and glTF models to put into it
     pub files: Vec<PathBuf>,
@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<()> {
         [] => own_depth(args)?,
         [depth] => {
             let subject = depth.display().to_string();
-            let codes = read(&first(depth)?)?.into_codes(&subject)?;
+            let codes = first_picture(depth)?.into_codes(&subject)?;
             Depth::File((*depth).clone(), guess::rule(&codes, args.height))
         }
         [_, other, ..] => {
@@ -100,23 +100,10 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// The first file of a pattern, or the file itself.
-fn first(path: &Path) -> Result<PathBuf> {
-    let pattern = Pattern::parse(path)?;
-    if !pattern.is_sequence() {
-        return Ok(path.to_owned());
-    }
-    let numbers = pattern.existing()?;
-    let Some(number) = numbers.first() else {
-        return Err(Error::input(path.display(), "no file fits this pattern", "check the pattern"));
-    };
-    Ok(pattern.file(*number))
-}
-
 /// Depth that the panorama's own file holds: as a channel, or as its second half.
 fn own_depth(args: &Args) -> Result<Depth> {
     let subject = args.panorama.display().to_string();
-    let image = read(&first(&args.panorama)?)?;
+    let image = first_picture(&args.panorama)?;
     let [width, height] = match &image {
         crate::image_file::FileImage::Raster(raster) => raster.size,
         crate::image_file::FileImage::Exr(exr) => {
@@ -145,12 +132,12 @@ fn scene_text(args: &Args, depth: &Depth, models: &[&PathBuf]) -> Result<String>
     };
     let cloud = match depth {
         Depth::File(path, guess) => {
-            let codes = read(&first(path)?)?.into_codes(&path.display().to_string())?;
+            let codes = first_picture(path)?.into_codes(&path.display().to_string())?;
             let depth = guess.rule.metres(&codes.codes, codes.size);
             Some(Cloud::of(&PanoramaFrame { depth_size: codes.size, depth, ..Default::default() }, 0.0))
         }
         Depth::Packed(packing, guess) => {
-            let image = read(&first(&args.panorama)?)?;
+            let image = first_picture(&args.panorama)?;
             let codes = crate::panorama::source::packed_codes(image, *packing == "left-right", "depth")?;
             let depth = guess.rule.metres(&codes.codes, codes.size);
             Some(Cloud::of(&PanoramaFrame { depth_size: codes.size, depth, ..Default::default() }, 0.0))

@@ -4,12 +4,13 @@ use super::{
     common::{PictureArgs, parse_frames},
     progress::progress,
     signals,
+    sink::{Asked, Sink, Target, VideoArgs},
     target::TargetArgs,
 };
 use crate::{
     Error, Result,
     measure::bench,
-    output::{FileKind, write},
+    output::FileKind,
     panorama::pattern::Pattern,
     plan::Plan,
     renderer::{Renderer, Wishes},
@@ -17,6 +18,7 @@ use crate::{
     settings::Method,
     temporary::Temporary,
 };
+use indicatif::ProgressStyle;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt render`.
@@ -26,16 +28,19 @@ pub struct Args {
     pub picture: PictureArgs,
     #[command(flatten)]
     pub target: TargetArgs,
-    /// A .png (as displayed) or .exr (linear, with --aov layers); a %04d pattern for a sequence
+    /// A .png (as displayed) or .exr (linear, with --aov layers); a %04d pattern for a sequence; a video: .mp4, .mov, .webm or
+    /// .mkv; or - for a stream on standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// Frames A..B, both included [default: the whole video with a pattern, otherwise frame 0]
+    #[command(flatten)]
+    pub video: VideoArgs,
+    /// Frames A..B, both included [default: the whole video with a pattern or a video, otherwise frame 0]
     #[arg(long, value_name = "A..B")]
     pub frames: Option<String>,
-    /// Number of frames that are run before frame A, held at A [default: 15; 0 with --spp or --method
-    /// reference]
-    #[arg(long)]
-    pub warmup: Option<u32>,
+    /// Number of frames that are run before frame A: those before it, and frame 0 held where there are none
+    /// [default: 15; 0 with --spp or --method reference]. auto: as many as make frame A what it is in a run from frame 0
+    #[arg(long, value_name = "N|auto", value_parser = Warmup::parse)]
+    pub warmup: Option<Warmup>,
     /// Converge the method's own model instead, with N paths a pixel, no filter and no history [default with
     /// --method reference: 64]
     #[arg(long, value_name = "N", conflicts_with_all = ["target_ms", "target_flip"])]
@@ -46,6 +51,9 @@ pub struct Args {
     /// Images to add to an EXR: names, or all
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     pub aov: Vec<String>,
+    /// Write only the virtual objects, with alpha, as a .png
+    #[arg(long)]
+    pub alpha: bool,
     /// Make warnings of the scene and its files errors
     #[arg(long)]
     pub strict: bool,
@@ -56,8 +64,7 @@ pub struct Args {
 
 /// Renders and writes.
 pub fn run(args: &Args) -> Result<()> {
-    let kind = FileKind::of(&args.output)?;
-    require_folder(&args.output)?;
+    let target = Target::of(&args.output, &args.video)?;
     args.target.target()?;
     let gpu = args.picture.device.open()?;
     let scene = args.picture.scene(&gpu)?;
@@ -66,20 +73,34 @@ pub fn run(args: &Args) -> Result<()> {
     if !(exposure.is_finite() && exposure > 0.0) {
         return Err(Error::input("--exposure", format!("{exposure}"), "give a positive number"));
     }
-    let pattern = Pattern::parse(&args.output)?;
-    let sequence = pattern.is_sequence();
-    let last = u32::try_from(scene.panorama.frame_count().max(1) - 1).unwrap_or(u32::MAX);
+    let sequence = match target {
+        Target::Files(_) => Pattern::parse(&args.output)?.is_sequence(),
+        Target::Video | Target::Stream => true,
+    };
+    let count = match target {
+        Target::Files(_) => scene.panorama.frame_count(),
+        // A video is as long as what moves in it.
+        _ => scene.panorama.frame_count().max((scene.duration() * scene.panorama.fps - 0.5).max(0.0) as usize),
+    };
+    let last = u32::try_from(count.max(1) - 1).unwrap_or(MOST_FRAMES - 1);
     let [first, last] = match &args.frames {
         Some(text) => parse_frames(text)?,
         None if sequence => [0, last],
         None => [0, 0],
     };
+    if last - first >= MOST_FRAMES {
+        return Err(Error::input("--frames", format!("has more than {MOST_FRAMES} frames"), "give a shorter range"));
+    }
     if first != last && !sequence {
         let problem = "one file for several frames".to_owned();
         return Err(Error::input(args.output.display(), problem, "use a pattern, for example out_%04d.png"));
     }
-    if kind == FileKind::Png && !args.aov.is_empty() {
-        return Err(Error::input("--aov", "a PNG holds the picture alone", "write an .exr"));
+    if args.alpha && target != Target::Files(FileKind::Png) {
+        return Err(Error::input("--alpha", "is for a PNG", "write a .png, or an .exr with --aov alpha,ratio"));
+    }
+    if target != Target::Files(FileKind::Exr) && !args.aov.is_empty() {
+        let holder = if target == Target::Files(FileKind::Png) { "a PNG" } else { "a video" };
+        return Err(Error::input("--aov", format!("{holder} holds the picture alone"), "write an .exr"));
     }
 
     if args.strict {
@@ -90,41 +111,79 @@ pub fn run(args: &Args) -> Result<()> {
     let chosen = args.target.apply(&gpu, &scene, &args.picture, &mut options, exposure, first != last)?;
     chosen.iter().for_each(|chosen| chosen.say(args.picture.quiet));
     let converge = args.spp.is_some() || options.method == Method::Reference;
-    let warmup = args.warmup.unwrap_or(if converge { 0 } else { 15 });
+    let warmup = match args.warmup {
+        Some(Warmup::Frames(count)) => count,
+        None | Some(Warmup::Auto) if converge => 0,
+        None => STANDARD_WARMUP,
+        Some(Warmup::Auto) => AGAIN.max(STANDARD_WARMUP).min(STANDARD_WARMUP + first),
+    };
     let spp = if converge { args.spp.unwrap_or(64).max(1) } else { 1 };
     let timed = args.timings.map_or(0, |frames| frames.saturating_add(1));
     let frames = (last - first + 1).saturating_mul(spp).saturating_add(warmup).saturating_add(timed);
     let plan = Plan::of(&scene, &options, Some(frames))?;
     let mut renderer = Renderer::with_plan(&gpu, &scene, options, plan)?;
     check_aovs(&renderer, &args.aov)?;
+    let job =
+        if target == Target::Video { job(&scene, &renderer, exposure, spp, warmup, last)? } else { String::new() };
+    let asked = Asked { video: &args.video, frames: [first, last], exposure, aovs: &args.aov, alpha: args.alpha, job };
+    let mut sink = Sink::open(target, &args.output, &asked, &scene, &renderer)?;
     if !args.picture.quiet {
         super::say(&renderer.plan().summary());
     }
-    let bar =
-        progress(args.picture.quiet, u64::from(warmup) + u64::from(last - first + 1) * u64::from(spp), "rendering");
-    let render = |renderer: &mut Renderer, frame: u32, count: u32| {
-        let times = std::iter::repeat_n(scene.panorama.frame_time(frame as usize), count as usize);
+    let begin = sink.next(first);
+    if begin > first && !args.picture.quiet {
+        super::say(&format!("{}: goes on at frame {begin}", args.output.display()));
+    }
+    // A run that goes on sees what the one before saw.
+    let goes_on = begin > first && begin <= last && !converge;
+    let warmup = if goes_on { warmup.max(AGAIN).min(STANDARD_WARMUP + begin) } else { warmup };
+    let count = u64::from(warmup) + u64::from((last + 1).saturating_sub(begin)) * u64::from(spp);
+    let bar = progress(args.picture.quiet, count, "rendering");
+    if let (Target::Video, Ok(style)) =
+        (target, ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {per_sec} {eta}"))
+    {
+        bar.set_style(style);
+    }
+    if sequence && target != Target::Stream {
+        signals::interrupted(); // what is written is kept
+    }
+    let start = |frame: u32| scene.panorama.frame_time(frame as usize);
+    let render = |renderer: &mut Renderer, times: &mut dyn Iterator<Item = f64>| {
         renderer.render_all(&scene, times, &Wishes::default(), |_| {
             bar.inc(1);
-            if signals::stopped() { Err(interrupted(args, [first, frame, last])) } else { Ok(()) }
+            if signals::stopped() { Err(interrupted(args, [first, begin, last])) } else { Ok(()) }
         })
     };
-    if sequence {
-        signals::interrupted(); // each picture is kept
+    if begin > 0 && !converge {
+        renderer.count_from((STANDARD_WARMUP + begin).wrapping_sub(warmup));
     }
-    render(&mut renderer, first, warmup)?;
-    for frame in first..=last {
+    // The frames before, and frame 0 held where there are none.
+    let before = |count: u32| (1..=count).rev().map(|before| start(begin.saturating_sub(before)));
+    let mut rendered = if begin > last { Ok(()) } else { render(&mut renderer, &mut before(warmup)) };
+    for frame in begin..=last {
         if converge {
             renderer.reset_history("a picture of its own");
         }
-        render(&mut renderer, frame, spp)?;
-        let path = pattern.file(frame);
-        write(&renderer, &scene, &path, kind, exposure, &args.aov)?;
-        if !args.picture.quiet {
-            bar.suspend(|| super::print(&path.display().to_string()));
+        rendered = rendered.and_then(|()| render(&mut renderer, &mut std::iter::repeat_n(start(frame), spp as usize)));
+        if let Err(error) = rendered {
+            bar.finish_and_clear();
+            return Err(match (error, target) {
+                (Error::Interrupted { .. }, Target::Files(_)) => interrupted(args, [first, frame, last]),
+                (Error::Interrupted { .. }, _) => sink.interrupt(frame),
+                (error, _) => error,
+            });
+        }
+        match sink.write(&renderer, &scene, frame)? {
+            Some(line) if !args.picture.quiet && !line.is_empty() => bar.suspend(|| super::print(&line)),
+            Some(_) => {}
+            None => break,
         }
     }
+    let line = sink.finish()?;
     bar.finish_and_clear();
+    if let Some(line) = line.filter(|_| !args.picture.quiet) {
+        super::print(&line);
+    }
     if let Some(frames) = args.timings {
         let report = time(&mut renderer, &scene, last, frames)?;
         super::print_lines(report.table().trim_end());
@@ -141,6 +200,51 @@ fn interrupted(args: &Args, [first, frame, last]: [u32; 3]) -> Error {
         at: format!("after {} of {} pictures", frame - first, last - first + 1),
         remedy: format!("they are kept; give --frames {frame}..{last} to go on"),
     }
+}
+
+/// The longest run: a day and more.
+const MOST_FRAMES: u32 = 10_000_000;
+
+/// Frames that are run before the first one, unless the user says how many.
+const STANDARD_WARMUP: u32 = 15;
+
+/// Frames that are run again where a run begins in the middle of a video, so that nothing is seen of it.
+const AGAIN: u32 = 48;
+
+/// What `--warmup` says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Warmup {
+    Frames(u32),
+    Auto,
+}
+
+impl Warmup {
+    fn parse(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            number => number.parse().map(Self::Frames).map_err(|_| "give a number of frames, or auto".to_owned()),
+        }
+    }
+}
+
+/// Stands for all that the pictures depend on.
+fn job(scene: &Scene, renderer: &Renderer, exposure: f32, spp: u32, warmup: u32, last: u32) -> Result<String> {
+    let options = renderer.options();
+    let start = scene.panorama.frame_time(0);
+    let rendered = crate::reference::cache::hash_rendered(scene, start)?.finalize().to_hex().to_string();
+    let described = crate::reference::cache::describe(options);
+    // What moves is looked at now and then.
+    let step = (last as usize / 16).max(1);
+    let moves: Vec<String> = (0..=last as usize)
+        .step_by(step)
+        .map(|frame| {
+            let state = scene.at(scene.panorama.frame_time(frame), scene.panorama.frame_time(frame));
+            let places: Vec<_> = state.instances.instances.iter().map(|instance| instance.object_to_world).collect();
+            format!("{:?} {places:?}", state.camera)
+        })
+        .collect();
+    let panorama = scene.panorama.spec();
+    Ok(format!("{rendered} {:?} {described} {exposure} {spp} {warmup} {moves:?} {panorama:?}", options.method))
 }
 
 fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::BenchReport> {

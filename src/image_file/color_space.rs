@@ -100,7 +100,7 @@ impl ColorSpace {
     }
 
     /// Reads the code points of ITU-T H.273.
-    pub(super) fn of_code_points(primaries: u8, transfer: u8) -> Option<Self> {
+    pub fn of_code_points(primaries: u8, transfer: u8) -> Option<Self> {
         let to_rec709 = match primaries {
             1 | 2 => None,
             9 => Primaries::REC2020.to_rec709(),

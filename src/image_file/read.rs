@@ -136,11 +136,10 @@ pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     }
 }
 
-/// Makes the answer to a video file, which this program does not decode.
-pub fn video_refusal(subject: &str) -> Error {
-    let remedy =
-        "extract its frames, as in: ffmpeg -i video.mp4 %04d.png, and give the pattern %04d.png with frames = [a, b]";
-    Error::input(subject, "video files are not read directly", remedy)
+/// Makes the answer to a video where a picture is needed.
+fn video_refusal(subject: &str) -> Error {
+    let remedy = "give one of its frames, as from: ffmpeg -i video.mp4 -frames:v 1 frame.png";
+    Error::input(subject, "is a video, but one picture is needed", remedy)
 }
 
 fn is_video(bytes: &[u8]) -> bool {

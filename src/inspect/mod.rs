@@ -3,6 +3,7 @@
 
 pub mod object;
 pub mod sheet;
+pub mod video;
 
 use crate::{
     options::RenderOptions,

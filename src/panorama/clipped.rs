@@ -78,9 +78,14 @@ impl Clipped {
         self.lamps.iter().min_by(|a, b| near(a).total_cmp(&near(b))).map_or(1.0, |lamp| lamp.factor)
     }
 
+    /// Whether any lamp is brighter than it shows.
+    pub fn raises(&self) -> bool {
+        self.lamps.iter().any(|lamp| lamp.factor != 1.0)
+    }
+
     /// Writes the factors of the clipped texels of a frame whose white is `white` into their alpha.
     pub fn raise(&self, frame: &mut PanoramaFrame, white: f32) {
-        if self.lamps.iter().all(|lamp| lamp.factor == 1.0) {
+        if !self.raises() {
             return;
         }
         let size = frame.color_size;

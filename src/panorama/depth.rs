@@ -2,6 +2,7 @@
 
 use super::mapping::texel_direction;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 /// What stored codes mean in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +57,7 @@ impl Rule {
             let metres = metres as f32;
             if metres.is_finite() && metres > 0.0 { metres } else { 0.0 }
         };
-        codes.iter().enumerate().map(metres).collect()
+        codes.par_iter().enumerate().map(metres).collect()
     }
 
     /// Returns the code spacing of integer images.

@@ -10,4 +10,5 @@ pub mod mapping;
 pub mod pattern;
 pub mod room;
 pub mod source;
+pub mod stream;
 pub mod tone;

@@ -1,19 +1,26 @@
-//! Loads panorama frames from image files, from image sequences or from memory.
+//! Loads panorama frames from image files, from image sequences, from videos or from memory.
 
 use super::{
     clipped::{self, Clipped},
     depth::{Quantisation, Rule, box_depth, length_words, unit_warning},
     level::Levelling,
     pattern::Pattern,
+    stream::{Pick, Plan, Stream, Track},
     tone,
 };
 use crate::{
     Error, Result,
     image_file::{CodeImage, ColorImage, FileImage, Raster, Samples, layers::Taken, read, srgb::srgb_to_linear},
+    media::{
+        VideoInfo,
+        film::SourceCodes,
+        planes::{Part, Planes},
+    },
 };
 use glam::Vec3;
+use rayon::prelude::*;
 use std::{
-    path::{Path, PathBuf},
+    path::PathBuf,
     sync::{Arc, OnceLock},
 };
 
@@ -42,7 +49,7 @@ pub struct PanoramaFrame {
 /// The source of depth.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DepthSource {
-    /// The path of an image, or a pattern.
+    /// The path of an image or of a video, or a pattern.
     Files(PathBuf),
     /// A sphere of this radius, metres.
     Sphere(f32),
@@ -71,7 +78,7 @@ pub struct FrameRange {
 /// The table `[panorama]` of a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PanoramaSpec {
-    /// The path of an image, or a pattern.
+    /// The path of an image or of a video, or a pattern.
     pub color: PathBuf,
     /// The layer of an EXR that holds the colour; by default the one whose name means colour.
     pub color_layer: Option<String>,
@@ -114,11 +121,11 @@ pub enum LampRule {
     Factor(f32),
 }
 
-/// A sequence of panorama frames.
+/// A sequence of panorama frames. Clones share the frames that are loaded.
 #[derive(Clone, Debug)]
 pub struct PanoramaSource {
     frames: FrameSource,
-    /// Frames a second.
+    /// Frames a second; the mean, if a video's rate varies.
     pub fps: f64,
     /// The capture point in the world, metres.
     pub position: Vec3,
@@ -136,8 +143,15 @@ pub struct PanoramaSource {
 
 #[derive(Clone, Debug)]
 enum FrameSource {
-    Memory(Arc<Vec<PanoramaFrame>>),
-    Files { spec: Box<PanoramaSpec>, color: Pattern, depth: Option<Pattern>, numbers: Vec<u32> },
+    Memory(Arc<Vec<Arc<PanoramaFrame>>>),
+    Files(Arc<Stream>),
+}
+
+impl PanoramaFrame {
+    /// Bytes that it takes in memory.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.radiance[..]) + size_of_val(&self.depth[..])
+    }
 }
 
 impl PanoramaSource {
@@ -153,7 +167,7 @@ impl PanoramaSource {
             return Err(Error::input("panorama", problem, "give width × height texels"));
         }
         Ok(Self {
-            frames: FrameSource::Memory(Arc::new(frames)),
+            frames: FrameSource::Memory(Arc::new(frames.into_iter().map(Arc::new).collect())),
             fps,
             position,
             yaw_degrees,
@@ -166,18 +180,58 @@ impl PanoramaSource {
 
     /// Returns the factor on radiance that was applied on loading.
     pub fn exposure(&self) -> f32 {
-        match &self.frames {
-            FrameSource::Files { spec, .. } if spec.exposure > 0.0 => spec.exposure,
-            _ => 1.0,
-        }
+        self.spec().map(|spec| spec.exposure).filter(|exposure| *exposure > 0.0).unwrap_or(1.0)
     }
 
     /// Returns what the scene file says; `None` for frames that were made in memory.
     pub fn spec(&self) -> Option<&PanoramaSpec> {
         match &self.frames {
-            FrameSource::Files { spec, .. } => Some(spec),
+            FrameSource::Files(stream) => Some(&stream.plan().spec),
             FrameSource::Memory(_) => None,
         }
+    }
+
+    fn plan(&self) -> Option<&Plan> {
+        match &self.frames {
+            FrameSource::Files(stream) => Some(stream.plan()),
+            FrameSource::Memory(_) => None,
+        }
+    }
+
+    /// Returns the video that the colour comes from, if it does.
+    pub fn video(&self) -> Option<&VideoInfo> {
+        self.plan()?.color.video().map(Arc::as_ref)
+    }
+
+    /// Returns the video that the depth comes from, if it is another one.
+    pub fn depth_video(&self) -> Option<&VideoInfo> {
+        self.plan()?.depth.as_ref()?.video().map(Arc::as_ref)
+    }
+
+    /// Returns the codes of frame `index`, if its colour is a video's and it was loaded a short time ago.
+    pub fn codes(&self, index: usize) -> Option<SourceCodes> {
+        let FrameSource::Files(stream) = &self.frames else { return None };
+        let info = stream.plan().color.video()?;
+        let bytes = stream.codes(index.min(self.frame_count() - 1))?;
+        let part = match stream.plan().spec.packing {
+            Packing::Separate => Part { from: [0, 0], size: info.size },
+            packing => {
+                let [color, _] = halves(info.size, packing, "video").ok()?;
+                Part { from: color.from, size: color.size }
+            }
+        };
+        Some(SourceCodes { info: Arc::clone(info), bytes, part })
+    }
+
+    /// Returns frames a second as a fraction.
+    pub fn rate(&self) -> [u32; 2] {
+        self.plan().map_or_else(|| crate::media::probe::rational(self.fps), |plan| plan.rate)
+    }
+
+    /// Returns the number, in the video of its colour, of frame `index`.
+    pub fn number_in_video(&self, index: usize) -> Option<usize> {
+        let plan = self.plan().filter(|plan| plan.color.video().is_some())?;
+        plan.picks.get(index).map(|pick| pick.color as usize)
     }
 
     /// Returns radiance as an LDR output shows it: what `inverse_tonemap` raised on loading comes down again.
@@ -195,13 +249,24 @@ impl PanoramaSource {
     /// # Errors
     /// Fails if a pattern is bad, if there are no frames, or if files are missing.
     pub fn open(spec: PanoramaSpec) -> Result<Self> {
-        let color = Pattern::parse(&spec.color)?;
-        let depth = match &spec.depth {
-            DepthSource::Files(path) => Some(Pattern::parse(path)?),
-            _ => None,
+        let tracks = match &spec.depth {
+            DepthSource::Files(path) => (Track::open(&spec.color)?, Some(Track::open(path)?)),
+            _ => (Track::open(&spec.color)?, None),
+        };
+        let (position, yaw_degrees) = (spec.position, spec.yaw_degrees);
+        let (inverse_tonemap, lamps, clipped) = (spec.inverse_tonemap, spec.lamps, Arc::default());
+        let mut warnings = Vec::new();
+        let (color, depth) = match tracks {
+            (Track::Images(color), None) => (color, None),
+            (Track::Images(color), Some(Track::Images(depth))) => (color, Some(depth)),
+            (color, depth) => {
+                let plan = Plan::of_videos(spec, color, depth, &mut warnings)?;
+                let fps = f64::from(plan.rate[0]) / f64::from(plan.rate[1]);
+                let frames = FrameSource::Files(Arc::new(Stream::new(plan)));
+                return Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, lamps, clipped, warnings });
+            }
         };
         let sequence = [Some(&color), depth.as_ref()].into_iter().flatten().find(|pattern| pattern.is_sequence());
-        let mut warnings = Vec::new();
         let numbers: Vec<u32> = match (spec.frames, sequence) {
             (_, None) => vec![0],
             (Some(range), Some(_)) => (range.first..=range.last).step_by(range.step.max(1) as usize).collect(),
@@ -225,10 +290,16 @@ impl PanoramaSource {
                 }
             }
         }
-        let (fps, position, yaw_degrees) = (spec.fps, spec.position, spec.yaw_degrees);
-        let (inverse_tonemap, lamps) = (spec.inverse_tonemap, spec.lamps);
-        let frames = FrameSource::Files { spec: Box::new(spec), color, depth, numbers };
-        let clipped = Arc::default();
+        let fps = spec.fps;
+        let plan = Plan {
+            times: (0..numbers.len()).map(|index| index as f64 / fps).collect(),
+            picks: numbers.iter().map(|number| Pick { color: *number, depth: *number }).collect(),
+            rate: crate::media::probe::rational(fps),
+            spec: Arc::new(spec),
+            color: Track::Images(color),
+            depth: depth.map(Track::Images),
+        };
+        let frames = FrameSource::Files(Arc::new(Stream::new(plan)));
         Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, lamps, clipped, warnings })
     }
 
@@ -236,30 +307,39 @@ impl PanoramaSource {
     pub fn frame_count(&self) -> usize {
         match &self.frames {
             FrameSource::Memory(frames) => frames.len(),
-            FrameSource::Files { numbers, .. } => numbers.len(),
+            FrameSource::Files(stream) => stream.plan().picks.len(),
         }
     }
 
     /// Returns the frame shown at `time_seconds`: the first before the start, the last after the end.
     pub fn frame_at(&self, time_seconds: f64) -> usize {
         // A frame's own time must give that frame, even after rounding.
-        let index = (time_seconds * self.fps + 1e-6).floor().max(0.0) as usize;
-        index.min(self.frame_count() - 1)
+        let time = time_seconds + 1e-6 / self.fps;
+        match self.plan() {
+            Some(plan) => plan.times.partition_point(|start| *start <= time).max(1) - 1,
+            None => ((time * self.fps).floor().max(0.0) as usize).min(self.frame_count() - 1),
+        }
     }
 
-    /// Returns the time in seconds at which frame `index` starts.
+    /// Returns the time in seconds at which frame `index` starts. Beyond the end it goes on at the mean rate.
     pub fn frame_time(&self, index: usize) -> f64 {
-        index as f64 / self.fps
+        let Some(plan) = self.plan() else { return index as f64 / self.fps };
+        let last = index.min(plan.times.len() - 1);
+        plan.times[last] + (index - last) as f64 / self.fps
     }
 
-    /// Loads frame `index`, counted from 0. An index beyond the end gives the last frame.
+    /// Loads frame `index`, counted from 0. An index beyond the end gives the last frame. Frames that are equal and
+    /// follow each other are the same one.
     ///
     /// # Errors
     /// Fails if a file cannot be read or used.
-    pub fn load(&self, index: usize) -> Result<PanoramaFrame> {
+    pub fn load(&self, index: usize) -> Result<Arc<PanoramaFrame>> {
         let mut frame = self.read(index)?;
         if let Some(white) = frame.white {
-            self.clipped(&frame, index)?.raise(&mut frame, white);
+            let clipped = self.clipped(&frame, index)?;
+            if clipped.raises() {
+                clipped.raise(Arc::make_mut(&mut frame), white);
+            }
         }
         Ok(frame)
     }
@@ -273,7 +353,7 @@ impl PanoramaSource {
                 Some(known) => known.clone(),
                 None => {
                     let first = if index == 0 { None } else { Some(self.read(0)?) };
-                    let first = first.as_ref().unwrap_or(frame);
+                    let first: &PanoramaFrame = first.as_deref().unwrap_or(frame);
                     let found = first.white.map_or_else(Clipped::default, |white| clipped::estimate(first, white));
                     self.clipped.get_or_init(|| found).clone()
                 }
@@ -287,14 +367,12 @@ impl PanoramaSource {
     }
 
     /// Reads a frame, lamps as captured.
-    fn read(&self, index: usize) -> Result<PanoramaFrame> {
+    fn read(&self, index: usize) -> Result<Arc<PanoramaFrame>> {
         let index = index.min(self.frame_count() - 1);
         match &self.frames {
-            FrameSource::Memory(frames) => Ok(frames[index].clone()),
-            FrameSource::Files { spec, color, depth, numbers } => {
-                let number = numbers[index];
-                let depth = depth.as_ref().map(|depth| depth.file(number));
-                let frame = load_frame(spec, number, &color.file(number), depth.as_deref())?;
+            FrameSource::Memory(frames) => Ok(Arc::clone(&frames[index])),
+            FrameSource::Files(stream) => {
+                let frame = stream.load(index)?;
                 crate::warnings::tell(&frame.warnings);
                 Ok(frame)
             }
@@ -336,17 +414,74 @@ fn over_gaps(numbers: &[u32], pattern: &Pattern, warnings: &mut Vec<String>) -> 
 /// A sequence with more missing frames than this for each that is there is numbered by something else.
 const MAX_HELD: usize = 100;
 
-fn load_frame(spec: &PanoramaSpec, number: u32, color_path: &Path, depth_path: Option<&Path>) -> Result<PanoramaFrame> {
-    let subject = color_path.display().to_string();
-    let mut warnings = Vec::new();
-    let image = read::read(color_path)?;
-    let (color, packed) = match spec.packing {
-        Packing::Separate => (image.color_of(spec.color_layer.as_deref(), &subject)?, None),
-        packing => {
-            let (color, codes) = unpack(image, packing, &subject)?;
-            (color, Some(codes))
+/// A picture of colour, of depth or of both, as it was read.
+pub(super) enum Picture {
+    File { subject: String, image: FileImage },
+    Video { subject: String, info: Arc<VideoInfo>, codes: Arc<Vec<u8>> },
+}
+
+impl Picture {
+    fn subject(&self) -> &str {
+        match self {
+            Self::File { subject, .. } | Self::Video { subject, .. } => subject,
         }
-    };
+    }
+
+    /// Returns the colour, and the depth codes if it holds both.
+    fn color(self, spec: &PanoramaSpec) -> Result<(ColorImage, Option<CodeImage>)> {
+        match self {
+            Self::File { subject, image } if spec.packing == Packing::Separate => {
+                Ok((image.color_of(spec.color_layer.as_deref(), &subject)?, None))
+            }
+            Self::File { subject, image } => {
+                let (color, codes) = unpack(image, spec.packing, &subject)?;
+                Ok((color, Some(codes)))
+            }
+            Self::Video { subject, info, codes } => {
+                no_layer(spec.color_layer.as_deref(), &subject)?;
+                let planes = Planes { size: info.size, format: info.format, tags: &info.tags, bytes: &codes };
+                if spec.packing == Packing::Separate {
+                    return Ok((planes.color(Part { from: [0, 0], size: info.size }), None));
+                }
+                let [color, depth] = halves(info.size, spec.packing, &subject)?;
+                let part = |crop: Crop| Part { from: crop.from, size: crop.size };
+                Ok((planes.color(part(color)), Some(planes.codes(part(depth), &subject)?)))
+            }
+        }
+    }
+
+    fn codes(self, layer: Option<&str>) -> Result<CodeImage> {
+        match self {
+            Self::File { subject, image } => image.codes_of(layer, &subject),
+            Self::Video { subject, info, codes } => {
+                no_layer(layer, &subject)?;
+                let planes = Planes { size: info.size, format: info.format, tags: &info.tags, bytes: &codes };
+                planes.codes(Part { from: [0, 0], size: info.size }, &subject)
+            }
+        }
+    }
+}
+
+fn no_layer(layer: Option<&str>, subject: &str) -> Result<()> {
+    match layer {
+        Some(_) => Err(Error::input(subject, "a video has no layers", "leave layer out")),
+        None => Ok(()),
+    }
+}
+
+/// Makes a frame from what was read. `number` is that of a file or of a video's frame, and
+/// `is_first` says that it is the first one of the panorama.
+pub(super) fn make_frame(
+    spec: &PanoramaSpec,
+    number: u32,
+    is_first: bool,
+    color: Picture,
+    depth: Option<Picture>,
+) -> Result<PanoramaFrame> {
+    let subject = color.subject().to_owned();
+    let of_video = matches!(color, Picture::Video { .. });
+    let mut warnings = Vec::new();
+    let (color, packed) = color.color(spec)?;
     let mut taken = [color.taken.as_ref().map(|taken| taken.note("color")), None];
     let mut color = finish_color(color, spec, &subject, &mut warnings)?;
 
@@ -365,15 +500,15 @@ fn load_frame(spec: &PanoramaSpec, number: u32, color_path: &Path, depth_path: O
     }
     let size = color.size;
     let mut depth_subject = subject.clone();
-    let (depth_size, mut depth, quantisation) = match (&spec.depth, depth_path, packed) {
+    let (depth_size, mut depth, quantisation) = match (&spec.depth, depth, packed) {
         (DepthSource::Sphere(radius), ..) => (size, vec![*radius; color.texels.len()], Quantisation::None),
         (DepthSource::Box { size: extent, center }, ..) => {
             let depth = box_depth(size, *extent, *center - spec.position, f64::from(spec.yaw_degrees));
             (size, depth, Quantisation::None)
         }
-        (DepthSource::Files(_), Some(path), _) => {
-            depth_subject = path.display().to_string();
-            let codes = read::read(path)?.codes_of(spec.depth_layer.as_deref(), &depth_subject)?;
+        (DepthSource::Files(_), Some(picture), _) => {
+            depth_subject = picture.subject().to_owned();
+            let codes = picture.codes(spec.depth_layer.as_deref())?;
             taken[1] = codes.taken.as_ref().map(|taken| taken.note("depth"));
             tell(&codes.notes, codes.taken.as_ref(), "depth", &depth_subject, &mut warnings);
             check_aspect(codes.size, &depth_subject, &mut warnings);
@@ -386,6 +521,8 @@ fn load_frame(spec: &PanoramaSpec, number: u32, color_path: &Path, depth_path: O
     if let (Some(level), DepthSource::Files(_) | DepthSource::Packed) = (&level, &spec.depth) {
         depth = level.depth(depth_size, &depth);
     }
+    // All frames of a video are of one kind, so the first one tells.
+    let tells = is_first || !of_video;
     let unknown = forget_unknown(&mut color, depth_size, &mut depth);
     if unknown > 0 {
         let share = 100.0 * unknown as f64 / color.texels.len() as f64;
@@ -396,7 +533,7 @@ fn load_frame(spec: &PanoramaSpec, number: u32, color_path: &Path, depth_path: O
         let problem = "every depth is a hole; the panorama is treated as infinitely far";
         warnings.push(format!("{depth_subject}: {problem} (check encoding, scale, offset and invalid)"));
     }
-    if matches!(spec.depth, DepthSource::Files(_) | DepthSource::Packed) {
+    if tells && matches!(spec.depth, DepthSource::Files(_) | DepthSource::Packed) {
         warnings.extend(unit_warning(&depth, rule).map(|warning| format!("{depth_subject}: {warning}")));
     }
     let white = color.ldr.then(|| tone::expand(Vec3::ONE, spec.inverse_tonemap).x * spec.exposure);
@@ -478,24 +615,28 @@ fn finish_color(
 ) -> Result<ColorImage> {
     check_aspect(color.size, subject, warnings);
     tell(&color.notes, color.taken.as_ref(), "color", subject, warnings);
-    let known = |texel: &&mut [f32; 4]| texel[3] > 0.0;
-    let values = color.texels.iter().flat_map(|texel| &texel[..3]).filter(|value| value.is_finite());
     // Half precision overflows to infinity, so that is what was brightest.
-    let brightest = values.fold(f32::from(half::f16::MAX), |a, b| a.max(*b));
-    let (mut overflowed, mut negative) = (0_usize, 0_usize);
-    for texel in color.texels.iter_mut().filter(known) {
+    let finite = |texel: &[f32; 4]| texel[..3].iter().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
+    let brightest = color.texels.par_iter().map(finite).reduce(|| f32::from(half::f16::MAX), f32::max);
+    let (ldr, texels) = (color.ldr, &mut color.texels);
+    let mended = |texel: &mut [f32; 4]| -> [usize; 3] {
+        if texel[3] <= 0.0 {
+            return [0; 3];
+        }
         let rgb = [texel[0], texel[1], texel[2]];
-        overflowed += usize::from(rgb.contains(&f32::INFINITY));
-        negative += usize::from(rgb.iter().any(|value| *value < 0.0));
+        let (overflowed, negative) = (rgb.contains(&f32::INFINITY), rgb.iter().any(|value| *value < 0.0));
         let mut radiance = Vec3::from(rgb.map(|value| if value == f32::INFINITY { brightest } else { value.max(0.0) }));
-        if color.ldr {
+        if ldr {
             radiance = tone::expand(radiance, spec.inverse_tonemap);
         }
         // The product must stay finite, too.
         let [r, g, b] = (radiance * spec.exposure).min(Vec3::splat(f32::MAX)).to_array();
         *texel = [r, g, b, 1.0];
-    }
-    if color.texels.iter().all(|texel| texel[3] == 0.0) {
+        [1, usize::from(overflowed), usize::from(negative)]
+    };
+    let sum = |a: [usize; 3], b: [usize; 3]| std::array::from_fn(|i| a[i] + b[i]);
+    let [known, overflowed, negative] = texels.par_iter_mut().map(mended).reduce(|| [0; 3], sum);
+    if known == 0 {
         return Err(Error::input(subject, "holds no finite pixel", "write the image again"));
     }
     if negative > 0 {
@@ -518,26 +659,10 @@ pub fn packed_codes(image: FileImage, beside: bool, subject: &str) -> Result<Cod
 }
 
 fn unpack(image: FileImage, packing: Packing, subject: &str) -> Result<(ColorImage, CodeImage)> {
-    let too_small = |size: [u32; 2]| {
-        let problem = format!("is {}x{}, too small to hold colour and depth", size[0], size[1]);
-        Error::input(subject, problem, "check packing")
-    };
-    let halves = |size: [u32; 2]| -> Result<[Crop; 2]> {
-        let [width, height] = size;
-        let (half, from) = match packing {
-            Packing::LeftRight => ([width / 2, height], [width - width / 2, 0]),
-            _ => ([width, height / 2], [0, height - height / 2]),
-        };
-        if half.contains(&0) {
-            return Err(too_small(size));
-        }
-        let crop = |from| Crop { whole: size, from, size: half };
-        Ok([crop([0, 0]), crop(from)])
-    };
     let crop_image = |image: &FileImage, which: usize| -> Result<FileImage> {
         Ok(match image {
             FileImage::Raster(raster) => {
-                let crop = halves(raster.size)?[which];
+                let crop = halves(raster.size, packing, subject)?[which];
                 let samples = match &raster.samples {
                     Samples::U8(values) => Samples::U8(crop.apply(values, raster.channels)),
                     Samples::U16(values) => Samples::U16(crop.apply(values, raster.channels)),
@@ -557,7 +682,7 @@ fn unpack(image: FileImage, packing: Packing, subject: &str) -> Result<(ColorIma
             FileImage::Exr(exr) => {
                 let mut exr = exr.clone();
                 for layer in &mut exr.layers {
-                    let crop = halves(layer.size)?[which];
+                    let crop = halves(layer.size, packing, subject)?[which];
                     layer.size = crop.size;
                     for (_, values) in &mut layer.channels {
                         *values = crop.apply(values, 1);
@@ -568,6 +693,21 @@ fn unpack(image: FileImage, packing: Packing, subject: &str) -> Result<(ColorIma
         })
     };
     Ok((crop_image(&image, 0)?.into_color(subject)?, crop_image(&image, 1)?.into_codes(subject)?))
+}
+
+/// Returns where colour and depth are in a picture that holds both.
+fn halves(size: [u32; 2], packing: Packing, subject: &str) -> Result<[Crop; 2]> {
+    let [width, height] = size;
+    let (half, from) = match packing {
+        Packing::LeftRight => ([width / 2, height], [width - width / 2, 0]),
+        _ => ([width, height / 2], [0, height - height / 2]),
+    };
+    if half.contains(&0) {
+        let problem = format!("is {width}x{height}, too small to hold colour and depth");
+        return Err(Error::input(subject, problem, "check packing"));
+    }
+    let crop = |from| Crop { whole: size, from, size: half };
+    Ok([crop([0, 0]), crop(from)])
 }
 
 #[derive(Clone, Copy)]

@@ -1,6 +1,6 @@
 //! Reads back the picture, its error, and any other image of a frame by name.
 
-use super::{Renderer, filtered};
+use super::{Renderer, filtered, mattes::MATTES};
 use crate::{
     Error, Result,
     passes::{
@@ -95,7 +95,7 @@ impl Renderer {
     /// # Errors
     /// Fails if nothing has that name, or if the plan leaves the image out. The error says why.
     pub fn require_aov(&self, name: &str) -> Result<()> {
-        if name == UNKNOWN_LIGHT && self.knows_unknown_light() {
+        if MATTES.contains(&name) || (name == UNKNOWN_LIGHT && self.knows_unknown_light()) {
             return Ok(());
         }
         self.source(name).map(|_| ())
@@ -103,10 +103,14 @@ impl Renderer {
 
     /// An image of the last frame by name, as RGBA. Besides the images of a view there are `irradiance_real`
     /// (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`,
-    /// `object_id`, `motion` and `position` of the surface that covers more of the pixel, and `unknown_light`.
+    /// `object_id`, `motion` and `position` of the surface that covers more of the pixel, [`MATTES`] and
+    /// [`UNKNOWN_LIGHT`].
     pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
         if name == UNKNOWN_LIGHT {
             return self.unknown_light();
+        }
+        if MATTES.contains(&name) {
+            return self.matte(name);
         }
         let source = self.source(name)?;
         let mut texels = self.texels(&source)?;
@@ -126,7 +130,7 @@ impl Renderer {
         Ok(texels)
     }
 
-    fn texels(&self, source: &Source) -> Result<Vec<[f32; 4]>> {
+    pub(super) fn texels(&self, source: &Source) -> Result<Vec<[f32; 4]>> {
         let Source { image, layer, values, scales: [a, b], .. } = *source;
         let light = |texel: [f32; 8]| {
             let rgb: [f32; 3] = std::array::from_fn(|i| match values {
@@ -172,7 +176,7 @@ impl Renderer {
             return Err(Error::input(
                 "--aov",
                 format!("there is no image \"{name}\""),
-                format!("choose from all, {}", self.aov_names().join(", ")),
+                format!("choose from all, {}, {}", MATTES.join(", "), self.aov_names().join(", ")),
             ));
         };
         if derived.is_some() && !self.plan.on(Part::Objects) {

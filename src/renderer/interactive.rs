@@ -70,6 +70,12 @@ impl Renderer {
         self.frame = 0;
     }
 
+    /// Counts frames from this number on, from which random numbers follow: so a run that begins later draws those that the
+    /// whole run draws.
+    pub fn count_from(&mut self, number: u32) {
+        self.frame = number;
+    }
+
     /// Where an image of the last frame is on the device. The names are those of [`Renderer::aov_names`],
     /// but for [`UNKNOWN_LIGHT`](super::aov::UNKNOWN_LIGHT).
     ///

@@ -19,6 +19,7 @@ use crate::{
 };
 use glam::{Quat, Vec3};
 use std::{
+    borrow::Borrow,
     fs,
     path::{Path, PathBuf},
     sync::Arc,
@@ -111,14 +112,14 @@ impl Export {
     ///
     /// # Errors
     /// Fails if a file cannot be written.
-    pub fn write(&self, folder: &Path, frames: &[PanoramaFrame]) -> Result<PathBuf> {
+    pub fn write(&self, folder: &Path, frames: &[impl Borrow<PanoramaFrame>]) -> Result<PathBuf> {
         if frames.len() != self.panorama.len() {
             return Err(Error::Internal(format!("{} frames for {} files", frames.len(), self.panorama.len())));
         }
         for (file, model) in &self.models {
             write_bytes(&folder.join(file), &to_glb(model)?)?;
         }
-        for (frame, [color, depth]) in frames.iter().zip(&self.panorama) {
+        for (frame, [color, depth]) in frames.iter().map(Borrow::borrow).zip(&self.panorama) {
             write_exr(&folder.join(color), &[ExrLayer::rgb("", frame.color_size, &frame.radiance)])?;
             let channels = vec![("Y".to_owned(), frame.depth.clone())];
             write_exr(&folder.join(depth), &[ExrLayer { name: String::new(), size: frame.depth_size, channels }])?;

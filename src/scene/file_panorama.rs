@@ -2,7 +2,7 @@
 
 use super::{fields::FieldTable, file::vec3};
 use crate::{
-    image_file::read,
+    media,
     panorama::{
         depth::{DepthEncoding, Rule},
         pattern::Pattern,
@@ -55,11 +55,17 @@ pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> 
         None => (None, None),
     };
     let frames = read_frames(fields);
-    let patterned = |path: &std::path::Path| Pattern::parse(path).is_ok_and(|pattern| pattern.is_sequence());
+    let is_video = |path: &std::path::Path| media::is_video(path);
+    let patterned =
+        |path: &std::path::Path| is_video(path) || Pattern::parse(path).is_ok_and(|pattern| pattern.is_sequence());
+    if fields.has("fps") && color.as_deref().is_some_and(is_video) {
+        warnings.push(format!("{}: has no effect, as the video has its own rate", fields.subject("fps")));
+    }
     let any_pattern =
         color.as_deref().is_some_and(patterned) || matches!(&depth, Some(DepthSource::Files(path)) if patterned(path));
     if frames.is_some() && color.is_some() && !any_pattern {
-        warnings.push(format!("{}: has no effect, as color is no %d pattern", fields.subject("frames")));
+        warnings
+            .push(format!("{}: has no effect, as color is neither a video nor a %d pattern", fields.subject("frames")));
     }
     let encoding = match fields.word("encoding", &["radial", "disparity", "planar"]) {
         Some(1) => DepthEncoding::Disparity,
@@ -114,15 +120,6 @@ fn read_lamps(fields: &FieldTable) -> Option<LampRule> {
     }
 }
 
-fn refuse_video(fields: &FieldTable, key: &str, path: &std::path::Path) {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if ["mp4", "mov", "m4v", "mkv", "webm", "avi", "ts", "mpg", "mpeg", "gif"].contains(&extension.as_str())
-        && let crate::Error::Input { problem, remedy, .. } = read::video_refusal("")
-    {
-        fields.complain(key, problem, remedy);
-    }
-}
-
 /// Reads `"file"` or `{ file = "…", layer = "…" }`.
 fn read_file(fields: &FieldTable, key: &str) -> Option<(PathBuf, Option<String>)> {
     let (path, layer) = match fields.value(key)? {
@@ -135,7 +132,6 @@ fn read_file(fields: &FieldTable, key: &str) -> Option<(PathBuf, Option<String>)
         }
         _ => (fields.file_path(key)?, None),
     };
-    refuse_video(fields, key, &path);
     Some((path, layer))
 }
 

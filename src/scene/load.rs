@@ -73,7 +73,17 @@ impl Scene {
         }
         match PanoramaSource::open(file.panorama.clone()) {
             Ok(panorama) => {
-                for index in 0..panorama.frame_count() {
+                for video in [panorama.video(), panorama.depth_video()].into_iter().flatten() {
+                    match video.verify() {
+                        Ok(warning) => warnings.extend(warning),
+                        Err(problem) => problems.push(problem),
+                    }
+                }
+                // Of a video that can be decoded to its end, a few frames show the rest.
+                let count = panorama.frame_count();
+                let some =
+                    if panorama.video().is_some() { vec![0, count / 2, count - 1] } else { (0..count).collect() };
+                for index in some {
                     match panorama.load(index) {
                         Ok(frame) => {
                             warnings.extend(frame.warnings.iter().cloned());
@@ -113,7 +123,7 @@ pub struct Examined {
     pub warnings: Vec<String>,
     pub scene: Option<Scene>,
     /// The first frame of its panorama that can be read.
-    pub first: Option<PanoramaFrame>,
+    pub first: Option<Arc<PanoramaFrame>>,
 }
 
 impl CompleteScene {

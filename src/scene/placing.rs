@@ -17,6 +17,7 @@ use crate::{
     },
 };
 use glam::{Affine3A, Quat, Vec3};
+use std::sync::Arc;
 
 /// The key `place` of an object.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,7 +99,7 @@ pub(super) fn fit(object: &mut Object, side: f32) {
 /// The room, as far as placing needs it. It is measured when the first object asks.
 pub(super) struct Room<'a> {
     panorama: &'a PanoramaSource,
-    measured: Option<(PanoramaFrame, Option<Level>)>,
+    measured: Option<(Arc<PanoramaFrame>, Option<Level>)>,
 }
 
 impl<'a> Room<'a> {
@@ -106,7 +107,7 @@ impl<'a> Room<'a> {
         Self { panorama, measured: None }
     }
 
-    fn measured(&mut self) -> Result<&(PanoramaFrame, Option<Level>)> {
+    fn measured(&mut self) -> Result<&(Arc<PanoramaFrame>, Option<Level>)> {
         if self.measured.is_none() {
             let frame = self.panorama.load(0)?;
             let floor = level(&Cloud::of(&frame, self.panorama.yaw_degrees), true);

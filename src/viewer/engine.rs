@@ -309,9 +309,8 @@ impl<'a> Worker<'a> {
     fn look_at_surface(&mut self, wanted: &Wanted) -> Result<()> {
         let frame = wanted.scene.panorama.frame_at(wanted.time);
         if self.surface.as_ref().is_none_or(|(known, _)| *known != frame) {
-            let mut loaded = wanted.scene.panorama.load(frame)?;
-            loaded.radiance = Vec::new();
-            self.surface = Some((frame, Arc::new(loaded)));
+            // Shared with the renderer, whose frame it is.
+            self.surface = Some((frame, wanted.scene.panorama.load(frame)?));
         }
         let surface = self.surface.as_ref().map(|(_, surface)| Arc::clone(surface));
         let mut shown = lock(&self.shared.shown);

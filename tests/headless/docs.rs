@@ -5,6 +5,7 @@ use iprt::{
     cli::{
         Cli,
         common::{DeviceArgs, PictureArgs},
+        sink::VideoArgs,
         target::TargetArgs,
     },
     gpu::{Access, Binding, Kind, bindings},
@@ -56,6 +57,7 @@ fn the_manual_of_commands_is_claps_own() {
         ("picture", PictureArgs::augment_args(Command::new(""))),
         ("device", DeviceArgs::augment_args(Command::new(""))),
         ("target", TargetArgs::augment_args(Command::new(""))),
+        ("video", VideoArgs::augment_args(Command::new(""))),
     ];
     let mut cli = Cli::command();
     cli.build();
@@ -66,6 +68,7 @@ fn the_manual_of_commands_is_claps_own() {
     manual("picture options", &table(&missing(&shared[0].1, &[&shared[1].1])));
     manual("device options", &table(&missing(&shared[1].1, &[])));
     manual("target options", &table(&missing(&shared[2].1, &[])));
+    manual("video options", &table(&missing(&shared[3].1, &[])));
     let mut commands = Vec::new();
     collect(&cli, "iprt", &mut commands);
     for (name, mut command) in commands {

@@ -52,6 +52,9 @@ mod tracer;
 mod truth;
 mod truth_cli;
 mod unseen;
+mod video_docs;
+mod video_in;
+mod video_out;
 mod view;
 mod vulkan_faults;
 

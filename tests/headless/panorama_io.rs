@@ -18,7 +18,7 @@ fn scene(panorama: &str) -> (TempDir, std::path::PathBuf) {
     (folder, path)
 }
 
-fn load(path: &Path) -> Result<PanoramaFrame, String> {
+fn load(path: &Path) -> Result<std::sync::Arc<PanoramaFrame>, String> {
     let scene = Scene::load(path).map_err(|error| error.to_string())?;
     scene.panorama.load(0).map_err(|error| error.to_string())
 }

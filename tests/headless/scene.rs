@@ -102,7 +102,7 @@ fn wrong_values_name_field_and_remedy() {
         ),
         ("[panorama]\ncolor = 'c.png'\ndepth = 2\nexposure = nan", ["panorama.exposure", "found NaN", "write"]),
         ("[panorama]\ncolor = 'c.png'\ndepth = 2\nexposure = 0", ["panorama.exposure", "out of range", "above 0"]),
-        ("[panorama]\ncolor = 'v.mp4'\ndepth = 2", ["panorama.color", "video", "ffmpeg"]),
+        ("[panorama]\ncolor = 'v.mp4'\ndepth = 2", ["v.mp4", "no such file", "check"]),
         ("[panorama]\ncolor = '$NO_SUCH_NAME/c.png'\ndepth = 2", ["panorama.color", "NO_SUCH_NAME", "export"]),
         ("[panorama]\ncolor = '${NO_SUCH_NAME}/c.png'\ndepth = 2", ["panorama.color", "NO_SUCH_NAME", "export"]),
         ("[panorama]\ncolor = '%d_%d.png'\ndepth = 2", ["%d_%d.png", "two frame numbers", "%04d"]),

@@ -108,7 +108,7 @@ fn from_a_room_to_its_panorama_to_a_picture_to_its_truth() {
     folder.succeeds_with(&[&arguments[..], &["--frames", "0..2", "--fps", "4", "-q"]].concat());
     let scene = Scene::load(&folder.path("video/scene.toml")).expect("render takes it as it is");
     assert_eq!((scene.panorama.frame_count(), scene.panorama.fps), (3, 4.0));
-    let depth = |index: usize| scene.panorama.load(index).expect("reads").depth;
+    let depth = |index: usize| scene.panorama.load(index).expect("reads").depth.clone();
     assert!(depth(0) != depth(1) && depth(1) != depth(2), "the block moves");
 }
 

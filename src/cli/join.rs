@@ -1,0 +1,240 @@
+//! `iprt join` checks that all frames of a render are there and of one kind, and encodes them.
+
+use super::{
+    common::{open_scene, parse_frames},
+    progress::progress,
+    signals,
+    sink::{Timing, VideoArgs, look_of, sound},
+};
+use crate::{
+    Error, Result,
+    gpu::{Gpu, GpuOptions},
+    image_file::read,
+    media::{
+        encode::{Encoding, Wanted},
+        film::{Extras, Film, Look, Shot},
+        spherical::Views,
+    },
+    panorama::pattern::Pattern,
+    scene::Scene,
+};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+/// Arguments of `iprt join`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// A folder of numbered .png or .exr frames, or a pattern of them
+    pub frames_in: PathBuf,
+    /// The video to write: .mp4, .mov, .webm or .mkv
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// The scene that was rendered: its rate, sound, colours and exposure are taken
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// Frames a second without a scene
+    #[arg(long, default_value_t = 30.0, conflicts_with = "scene")]
+    pub fps: f64,
+    /// Demand exactly the frames A..B, both included [default: from the first to the last that is there]
+    #[arg(long, value_name = "A..B")]
+    pub frames: Option<String>,
+    /// Factor on the radiance of .exr frames [default: the scene's, or 1]
+    #[arg(long)]
+    pub exposure: Option<f32>,
+    /// Say in the file that it is 360°, for frames of --projection equirect
+    #[arg(long)]
+    pub spherical: bool,
+    #[command(flatten)]
+    pub video: VideoArgs,
+    /// Print less
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Checks and encodes.
+pub fn run(args: &Args) -> Result<()> {
+    super::render::require_folder(&args.output)?;
+    let (pattern, numbers) = find(&args.frames_in)?;
+    let range = args.frames.as_deref().map(parse_frames).transpose()?;
+    let [first, last] = complete(&args.frames_in, &numbers, range)?;
+    let size = one_kind(&pattern, first..=last)?;
+    if !(args.fps.is_finite() && args.fps > 0.0) {
+        return Err(Error::input("--fps", args.fps, "give a positive number"));
+    }
+    let scene = args.scene.as_deref().map(|name| scene(name, args.quiet)).transpose()?;
+    let is_linear = pattern.file(first).extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+    let exposure = args.exposure.or_else(|| scene.as_ref().map(|scene| scene.render.exposure)).unwrap_or(1.0);
+    if !(exposure.is_finite() && exposure > 0.0) {
+        return Err(Error::input("--exposure", exposure, "give a positive number"));
+    }
+    let timing = Timing::of(scene.as_ref(), args.fps, [first, last]);
+    let look = match &scene {
+        Some(scene) if is_linear => look_of(scene, exposure),
+        // A PNG holds what is seen.
+        _ => Look { exposure: if is_linear { exposure } else { 1.0 }, for_display: Arc::new(|light| light) },
+    };
+    let source = scene.as_ref().and_then(|scene| scene.panorama.video());
+    let wanted = Wanted { codec: args.video.codec, crf: args.video.crf, pix_fmt: args.video.pix_fmt.clone() };
+    let encoding = Encoding::of(&wanted, &args.output, size, timing.rate, source)?;
+    let stamp = |number: u32| {
+        let known = std::fs::metadata(pattern.file(number)).ok();
+        format!("{:?} {:?}", known.as_ref().map(std::fs::Metadata::len), known.and_then(|m| m.modified().ok()))
+    };
+    let stamps: Vec<String> = (first..=last).map(stamp).collect();
+    let job = format!("join {exposure} {stamps:?}");
+    let mut film = Film::begin(&args.output, encoding, look, &job, [first, last])?;
+    let begin = film.next();
+    let bar = progress(args.quiet, u64::from(last + 1 - begin), "encoding");
+    signals::interrupted();
+    for number in begin..=last {
+        if signals::stopped() {
+            film.stop()?;
+            let (at, remedy) = (format!("before frame {number}"), "run the same command to go on".to_owned());
+            return Err(Error::Interrupted { subject: args.output.display().to_string(), at, remedy });
+        }
+        let path = pattern.file(number);
+        let color = read::read(&path)?.into_color(&path.display().to_string())?;
+        film.write(Shot { texels: color.texels, source: None, times: timing.times(number) })?;
+        bar.inc(1);
+    }
+    let audio = scene.as_ref().filter(|_| !args.video.no_audio).and_then(|scene| sound(scene, first));
+    film.finish(&Extras { audio, spherical: args.spherical.then_some(Views::One) })?;
+    bar.finish_and_clear();
+    if !args.quiet {
+        super::print(&args.output.display().to_string());
+    }
+    Ok(())
+}
+
+fn scene(name: &str, quiet: bool) -> Result<Scene> {
+    if crate::scene::rooms::by_name(name).is_none() {
+        return Scene::load(super::common::scene_path(name)?);
+    }
+    open_scene(&Gpu::new(&GpuOptions::default())?, Some(name), quiet)
+}
+
+/// Finds the numbered frames of a folder or of a pattern.
+fn find(path: &Path) -> Result<(Pattern, Vec<u32>)> {
+    if !path.is_dir() {
+        let pattern = Pattern::parse(path)?;
+        if !pattern.is_sequence() {
+            return Err(Error::input(
+                path.display(),
+                "is neither a folder nor a pattern",
+                "give one, for example frames/f_%04d.png",
+            ));
+        }
+        let numbers = pattern.existing()?;
+        return Ok((pattern, numbers));
+    }
+    let unreadable = |error: std::io::Error| Error::input(path.display(), error.kind(), "check its permissions");
+    let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
+    for entry in std::fs::read_dir(path).map_err(unreadable)? {
+        let name = entry.map_err(unreadable)?.file_name().to_string_lossy().into_owned();
+        if name.starts_with('.') {
+            continue;
+        }
+        let Some((stem, extension)) = name.rsplit_once('.') else { continue };
+        let before = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+        let digits = stem.len() - before.len();
+        if digits > 0 && ["png", "exr"].contains(&extension.to_lowercase().as_str()) {
+            let before = before.replace('%', "%%");
+            *kinds.entry(format!("{before}%0{digits}d.{extension}")).or_default() += 1;
+        }
+    }
+    let known = kinds.iter().map(|(name, count)| format!("{name} ({count})")).collect::<Vec<_>>().join(", ");
+    match kinds.len() {
+        0 => Err(Error::input(path.display(), "holds no numbered .png or .exr frames", "give the folder of a render")),
+        1 => {
+            let name = kinds.into_keys().next().unwrap_or_default();
+            let pattern = Pattern::parse(&path.join(name))?;
+            let numbers = pattern.existing()?;
+            Ok((pattern, numbers))
+        }
+        _ => Err(Error::input(
+            path.display(),
+            format!("holds frames of several kinds: {known}"),
+            "give one of these patterns",
+        )),
+    }
+}
+
+/// Demands that no frame is missing.
+fn complete(path: &Path, numbers: &[u32], range: Option<[u32; 2]>) -> Result<[u32; 2]> {
+    let (Some(least), Some(most)) = (numbers.first(), numbers.last()) else {
+        return Err(Error::input(path.display(), "no frame is there", "render them first"));
+    };
+    let [first, last] = range.unwrap_or([*least, *most]);
+    let missing: Vec<u32> = (first..=last).filter(|number| numbers.binary_search(number).is_err()).collect();
+    if missing.is_empty() {
+        return Ok([first, last]);
+    }
+    let words = ranges(&missing);
+    let remedy =
+        format!("render them, for example with --frames {}..{} --warmup auto", missing[0], end_of_first(&missing));
+    Err(Error::input(
+        path.display(),
+        format!("{} of {} frames are missing: {words}", missing.len(), last - first + 1),
+        remedy,
+    ))
+}
+
+fn end_of_first(missing: &[u32]) -> u32 {
+    let run = missing.windows(2).take_while(|pair| pair[1] == pair[0] + 1).count();
+    missing[run]
+}
+
+/// Numbers as ranges: `3, 7..12`. The first eight of them.
+fn ranges(numbers: &[u32]) -> String {
+    let mut runs: Vec<[u32; 2]> = Vec::new();
+    for number in numbers {
+        match runs.last_mut() {
+            Some([_, end]) if *end + 1 == *number => *end = *number,
+            _ => runs.push([*number; 2]),
+        }
+    }
+    let words = |[a, b]: &[u32; 2]| if a == b { a.to_string() } else { format!("{a}..{b}") };
+    let shown = runs.iter().take(8).map(words).collect::<Vec<_>>().join(", ");
+    if runs.len() > 8 { format!("{shown}, …") } else { shown }
+}
+
+/// Demands that all frames are whole and of one size, which it returns.
+fn one_kind(pattern: &Pattern, numbers: std::ops::RangeInclusive<u32>) -> Result<[u32; 2]> {
+    let mut known: Option<[u32; 2]> = None;
+    for number in numbers {
+        let path = pattern.file(number);
+        let size = size_of(&path)?;
+        match known {
+            Some(first) if first != size => {
+                let problem = format!("is {}x{}, but the first frame is {}x{}", size[0], size[1], first[0], first[1]);
+                return Err(Error::input(path.display(), problem, "render it again with the others' --size"));
+            }
+            _ => known = Some(size),
+        }
+    }
+    known.ok_or_else(|| Error::Internal("no frames".into()))
+}
+
+fn size_of(path: &Path) -> Result<[u32; 2]> {
+    let broken =
+        |problem: String| Error::input(path.display(), format!("cannot be read: {problem}"), "render it again");
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
+        let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|error| broken(read::one_line(&error)))?;
+        let size = meta.headers.first().map(|header| header.layer_size);
+        return size.map(|size| [size.0 as u32, size.1 as u32]).ok_or_else(|| broken("it has no layer".into()));
+    }
+    image::image_dimensions(path).map(|(w, h)| [w, h]).map_err(|error| broken(read::one_line(&error)))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn missing_frames_are_named_by_ranges() {
+        assert_eq!(super::ranges(&[3, 7, 8, 9, 12]), "3, 7..9, 12");
+        assert_eq!(super::end_of_first(&[7, 8, 9, 12]), 9);
+        assert_eq!(super::end_of_first(&[3]), 3);
+    }
+}

@@ -1,0 +1,56 @@
+//! Video files, by the programs `ffmpeg` and `ffprobe`, which are run as children and write to pipes.
+//!
+//! They are not linked: so any version of them serves, hardware decoders and licences stay its own matter, and a
+//! damaged file cannot take this program with it. A pipe costs little: 2160×2160 frames with 12 bits a pixel cross it
+//! at about 400 a second where they decode at about 90 (docs/video.md says how that was measured).
+
+pub mod decode;
+pub mod encode;
+pub mod film;
+pub mod pack;
+pub mod planes;
+pub mod probe;
+pub mod spherical;
+pub mod stream;
+pub mod tool;
+
+pub use decode::Decoder;
+pub use probe::VideoInfo;
+
+use std::{io::Read, path::Path};
+
+/// Says whether a file is a video, by its first bytes or, where they do not tell, by its name. Sequences and files that
+/// do not exist are told by their names alone.
+pub fn is_video(path: &Path) -> bool {
+    let mut first = [0_u8; 16];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read(&mut first)).unwrap_or(0);
+    has_video_bytes(&first[..read]) || (has_video_name(path) && !is_image(&first[..read]))
+}
+
+fn has_video_name(path: &Path) -> bool {
+    const NAMES: [&str; 26] = [
+        "mp4", "mov", "m4v", "mkv", "webm", "avi", "ts", "m2ts", "mts", "mpg", "mpeg", "gif", "wmv", "flv", "y4m",
+        "mxf", "ogv", "3gp", "nut", "ivf", "h264", "264", "h265", "265", "hevc", "insv",
+    ];
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    NAMES.contains(&extension.as_str())
+}
+
+/// Says whether these are the first bytes of a video file.
+pub fn has_video_bytes(bytes: &[u8]) -> bool {
+    let still = [&b"avif"[..], b"avis", b"heic", b"heix", b"mif1"];
+    (bytes.get(4..8) == Some(b"ftyp") && bytes.get(8..12).is_none_or(|brand| !still.contains(&brand)))
+        || bytes.starts_with(&[0x1a, 0x45, 0xdf, 0xa3])
+        || (bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"AVI "))
+        || bytes.starts_with(b"YUV4MPEG2")
+        || bytes.starts_with(b"GIF8")
+        || bytes.starts_with(b"nut/multimedia")
+        || bytes.starts_with(b"DKIF")
+        || bytes.starts_with(b"OggS")
+        || bytes.starts_with(b"FLV\x01")
+}
+
+fn is_image(bytes: &[u8]) -> bool {
+    let starts = [&b"\x89PNG"[..], b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"#?RA", b"#?RGBE", &[0x76, 0x2f, 0x31, 0x01]];
+    starts.iter().any(|start| bytes.starts_with(start)) || bytes.get(8..12) == Some(b"WEBP")
+}
