@@ -1,6 +1,6 @@
 //! Records a frame, from top to bottom.
 
-mod aov;
+pub mod aov;
 pub mod cost;
 mod interactive;
 pub mod mattes;
@@ -163,7 +163,10 @@ impl Preparation {
             radiance_pyramid: (plan.color_levels() > 1).then(|| RadiancePyramid::new(gpu)).transpose()?,
             normals: plan.geometry().then(|| Normals::new(gpu)).transpose()?,
             depth_pyramid: plan.boxes().then(|| DepthPyramid::new(gpu)).transpose()?,
-            light_table: plan.on(Part::LightTable).then(|| LightTable::new(gpu, &plan.settings)).transpose()?,
+            light_table: plan
+                .on(Part::LightTable)
+                .then(|| LightTable::new(gpu, &plan.settings, plan.on(Part::FreeLamps)))
+                .transpose()?,
         })
     }
 }
@@ -576,6 +579,8 @@ impl Renderer {
             seed: self.seed().wrapping_add(stream.wrapping_mul(0x9e37_79b9)),
             edge_ratio: settings.edge_ratio,
             thickness: settings.thickness,
+            edge_depth: u32::from(settings.edge_depth),
+            skirt_luminance: settings.skirt_luminance * self.plan.facts.luminance,
             instance_count: state.instances.instances.len() as u32,
             mover_count: state.movers.len() as u32,
             new_video: u32::from(state.new_light && !planted!(self, HistoryKept)),

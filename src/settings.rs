@@ -232,6 +232,7 @@ settings! {
         video: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "a panorama that changes; off: its first frame alone";
         motion: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "objects or a video that move: their motion vectors, and shorter histories where they change the light";
         deformation: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "objects that change their shape: skins and morph targets; off: their rest pose";
+        free_lamps: Presence = [Presence::Auto, Presence::Off, Presence::Off, Presence::Auto], ANY, "", "small lamps that hang free before what lies behind them: ellipsoids instead of a few texels of the surface";
         radiance_pyramid: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "mip levels of a panorama that is finer than the picture";
         specular: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "the GGX lobe of virtual surfaces";
         emission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces that shine";
@@ -250,6 +251,8 @@ settings! {
     depth_pyramid {
         edge_ratio: f32 = [0.1, 0.1, 0.1, 0.1], [0.001, 10.0], "", "depths of a triangle's corners may differ by this ratio before it is a skirt, not a surface";
         thickness: f32 = [0.3, INFINITE, 0.3, 0.3], [0.0, f64::INFINITY], "metres", "how far behind a foreground edge a ray still hits its skirt; inf: solid, so that everything behind the depth is a hit";
+        edge_depth: bool = [false, false, false, false], ANY, "", "skirts are as deep as the thing at whose edge they hang is wide, and endless at the edge of a wall (2 m and wider), where no ray goes through; off: `thickness`";
+        skirt_luminance: f32 = [1.0, INFINITE, INFINITE, 1.0], [0.0, f64::INFINITY], "of the panorama's mean", "how bright a skirt is at most: what the capture does not show of a lamp's or a window's edge is no light";
     }
     relight {
         relight_levels: u32 = [1, 0, 0, 2], [0.0, 4.0], "", "how often light is passed on between relit real surfaces before rays see them; 0: rays see the capture as it is";

@@ -61,7 +61,7 @@ vec4 vertex(ivec2 p) {
 // can be hit only within `thickness` behind its nearest depth; otherwise it would be a spike across the room.
 vec3 triangle_range(float a, float b, float c) {
     float near = min(a, min(b, c)), far = max(a, max(b, c));
-    return vec3(near, far, far > near * (1.0 + in_view.view.edge_ratio) ? near + in_view.view.thickness : FAR);
+    return vec3(near, far, far > near * (1.0 + in_view.view.edge_ratio) ? skirt_reach(near) : FAR);
 }
 
 Box leaf_box(ivec2 leaf) {

@@ -48,6 +48,8 @@ void main() {
         }
         if (inside && (KEPT == 0u || changed)) {
             vec3 radiance = KEPT != 0u ? imageLoad(camera_radiance, p).rgb : panorama_filtered(real.uv, pixel_angle());
+            // From elsewhere, what was behind a lamp is seen beside it.
+            if (KEPT == 0u && OFF_CENTRE != 0u && !real.lamp) radiance = without_lamps(panorama_direction(real.uv), radiance);
             imageStore(camera_radiance, p, vec4(radiance, met ? passes : 1.0));
         }
         if (LIT == 0u) return;
@@ -56,12 +58,13 @@ void main() {
         append_pixels(bvec2(false, met), p);
         return;
     }
-    bool has_real = inside && real.t < FAR;
+    // A free lamp hides objects and is not lit itself.
+    bool has_real = inside && real.t < FAR && !real.lamp;
     if (inside) {
         vec3 point = in_view.view.position + d * (has_real ? real.t : 0.0);
         vec3 normal = imageLoad(in_panorama_normal, real.texel).xyz;
         if (dot(normal, d) > 0.0) normal = -normal; // a camera off the centre sees it from behind
-        imageStore(position, ivec3(p, REAL), vec4(point, has_real ? real.t : 0.0));
+        imageStore(position, ivec3(p, REAL), vec4(point, real.t < FAR ? real.t : 0.0));
         imageStore(out_normal, ivec3(p, REAL), vec4(has_real ? normal : vec3(0.0), 1.0));
         imageStore(guide, ivec3(p, NOW(REAL)), has_real ? guide_pack(point, normal, 1.0, REAL_SURFACE) : uvec4(0u));
         imageStore(out_motion, ivec3(p, REAL), has_real ? motion_of(pixel, point, 0.0) : vec4(0.0));

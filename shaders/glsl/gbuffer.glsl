@@ -4,7 +4,7 @@ layout(constant_id = 9) const uint FILL_UNSEEN = 0; // 1: what lies behind an ed
 
 const uint HAD_HIT = 1u; // in `hit`, beside NONE: there was one a frame ago
 
-struct RealPoint { float t; vec2 uv; ivec2 texel; };
+struct RealPoint { float t; vec2 uv; ivec2 texel; bool lamp; };
 
 // Finds what a primary ray shows where the capture saw nothing. A skirt shows the farthest of the texel that
 // it hangs from and its neighbours. A ray that leaves behind an edge shows what it passed before the edge.
@@ -35,6 +35,7 @@ void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
 // Returns the real surface along a primary ray. t is FAR if there is none.
 RealPoint real_surface(vec3 d) {
     RealPoint r;
+    r.lamp = false;
     if (OFF_CENTRE == 0u && LIT == 0u) {
         r.uv = panorama_uv(d);
         r.t = FAR;
@@ -42,13 +43,20 @@ RealPoint real_surface(vec3 d) {
         r.uv = panorama_uv(d);
         r.t = surface_distance(d, r.texel);
         if (r.t <= 0.0) r.t = FAR;
+        PanoramaHit hit = PanoramaHit(r.t, r.uv, FREE, vec3(0.0));
+        lamps_meet(vec3(0.0), d, hit);
+        r.lamp = is_lamp(hit);
+        r.t = hit.t;
     } else {
         PanoramaHit hit = panorama_trace(in_view.view.position, d, 0.0, FAR);
+        lamps_meet(in_view.view.position, d, hit);
+        r.lamp = is_lamp(hit);
+        if (r.lamp) hit.uv = panorama_uv(in_view.view.position + d * hit.t);
         r.t = hit.t;
         r.uv = hit.uv;
         ivec2 size = ivec2(in_view.view.depth_size);
         r.texel = wrap_texel(ivec2(floor(hit.uv * vec2(size))), size);
-        if (FILL_UNSEEN != 0u && hit.kind != SURFACE) fill_unseen(d, hit.kind, r);
+        if (FILL_UNSEEN != 0u && (hit.kind == FREE || hit.kind == SKIRT)) fill_unseen(d, hit.kind, r);
     }
     return r;
 }

@@ -66,7 +66,7 @@ void virtual_surface_light(ivec2 p) {
         drawn.sharp_weight = vec3(1.0);
     }
     if (TRANSMISSION != 0u || ALPHA != 0u) origin = surface_origin_along(s, drawn.d);
-    Ray ray = trace(drawn, origin, s, l, lobe, -from_eye);
+    Ray ray = trace(drawn, origin, origin, s, l, lobe, -from_eye);
     vec3 factor = vec3((lobe == DIFFUSE && !behind ? PI : 1.0) / (behind ? 1.0 : bsdf_probability(l, lobe)));
     if (!behind && !bsdf_leaves(s, lobe, ray.d)) factor = vec3(0.0);
     vec3 radiance = vec3(0.0);

@@ -31,10 +31,14 @@ const uint SCREEN = 1u;    // value of VIRTUAL_TRACER
 #include "screen.glsl"
 
 // Returns what a ray meets of the real scene. Direction-only light is infinitely far.
-PanoramaHit real_trace(vec3 origin, vec3 d) {
+// Free lamps are met from `near`, which lies nearer to the surface that the ray leaves.
+PanoramaHit real_trace(vec3 origin, vec3 near, vec3 d) {
     if (REAL_TRACER == DIRECTION) return PanoramaHit(FAR, panorama_uv(d), FREE, vec3(0.0));
-    if (REAL_TRACER == MARCH) return panorama_march(origin, d, push.march_steps);
-    return panorama_trace(origin, d, 0.0, FAR);
+    PanoramaHit hit;
+    if (REAL_TRACER == MARCH) hit = panorama_march(origin, d, push.march_steps);
+    else hit = panorama_trace(origin, d, 0.0, FAR);
+    lamps_meet(near, d, hit);
+    return hit;
 }
 
 // Returns the virtual surface that a ray meets before t_max.
@@ -43,7 +47,20 @@ SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
     return scene_trace(origin, d, t_max);
 }
 
-vec3 hit_radiance(PanoramaHit hit) { return panorama_bilinear(hit.uv); }
+// Returns the radiance of what a ray met, as captured. No skirt shines: what it shows of the side of a lamp or a
+// window is a guess, of which no light may be made.
+vec3 hit_radiance(PanoramaHit hit) {
+    vec3 radiance = panorama_light(hit.uv);
+    if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction(hit.uv), radiance);
+    if (hit.kind == SKIRT) radiance *= min(1.0, in_view.view.skirt_luminance / max(luminance(radiance), 1e-20));
+    return is_lamp(hit) ? lamp_radiance(hit) : radiance;
+}
+
+// Returns the same as the mixed scene lights it. A lamp shines as it did.
+vec3 hit_relit(PanoramaHit hit) {
+    vec3 radiance = hit_radiance(hit);
+    return is_lamp(hit) ? radiance : relit(hit.uv, radiance);
+}
 
 // A ray drawn from a lobe and the panorama's lights together. One of the two strategies is drawn, and the
 // weight f·cos/p is that of their mixture (Veach and Guibas 1995, one-sample balance heuristic). `real` is
@@ -56,8 +73,37 @@ struct Ray {
     float density;
 };
 
-// Aims at a light. Returns false if the direction drawn is behind the surface.
-bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, out vec3 target, out bool far) {
+// Aims at a light: at a free lamp by what it sends here, or at one of the table. Returns false if the direction
+// drawn is behind the surface. `kind` is the lamp's as a hit, 0 for the table's lights.
+bool toward_light(vec3 x, vec3 near, vec3 normal, vec2 u, inout Random random, out vec3 d, out vec3 target, out bool far, out uint kind) {
+    kind = 0u;
+    if (FREE_LAMPS != 0u) {
+        float lamps = lamps_weight(near, normal), share = lamps / max(lamps + in_lights.total, 1e-30), left = u.x * (lamps + in_lights.total);
+        if (u.x < share) {
+            uint k = 0u;
+            // Rounding may leave a little over, which the last lamp that shines here gets.
+            for (uint i = 0u; i < lamp_count(); i++) {
+                float weight = lamp_weight(i, near, normal);
+                if (weight > 0.0 && left >= 0.0) {
+                    k = i;
+                    u.x = min(left / weight, 0.9999999);
+                }
+                left -= weight;
+            }
+            kind = LAMP + k;
+            d = lamp_sample(k, near, u);
+            target = in_lamps.lamp[k].center;
+            far = false;
+            return dot(d, normal) > 0.0;
+        }
+        if (in_lights.total <= 0.0) {
+            // Nothing but the lamps is brighter than the mean, and none is over this horizon.
+            d = target = normal;
+            far = true;
+            return false;
+        }
+        u.x = min((u.x - share) / max(1.0 - share, 1e-7), 0.9999999);
+    }
     vec3 centre = light_sample(u, random_next2(random));
     ivec2 texel;
     float distance = surface_distance(centre, texel);
@@ -68,10 +114,20 @@ bool toward_light(vec3 x, vec3 normal, vec2 u, inout Random random, out vec3 d, 
 }
 
 // A drawn light counts only if the ray meets it first.
-bool meets(PanoramaHit hit, vec3 x, vec3 d, vec3 target, bool far) {
+bool meets(PanoramaHit hit, vec3 x, vec3 d, vec3 target, bool far, uint kind) {
+    if (FREE_LAMPS != 0u && kind != 0u) return hit.kind == kind;
     if (far) return hit.kind == FREE;
     vec3 miss = x + d * hit.t - target;
     return hit.kind == SURFACE && dot(miss, miss) < 1e-4 * dot(target, target);
+}
+
+// Returns the density of toward_light per solid angle about x, for what a ray from there met.
+float lights_density(vec3 x, vec3 near, vec3 normal, vec3 d, PanoramaHit hit) {
+    if (FREE_LAMPS == 0u) return light_density(x, d, hit);
+    float all = max(lamps_weight(near, normal) + in_lights.total, 1e-30);
+    if (!is_lamp(hit)) return in_lights.total / all * light_density(x, d, hit);
+    uint k = min(hit.kind - LAMP, MOST_LAMPS - 1u);
+    return lamp_weight(k, near, normal) / all * lamp_density(k, near, d);
 }
 
 // A direction that was drawn, and from what.
@@ -81,6 +137,7 @@ struct Aim {
     bool light;    // drawn from the lights
     bool far;      // that light is infinitely far
     vec3 target;   // where that light is
+    uint kind;     // of a free lamp as a hit, or 0
     bool sharp;    // the lobe has no density
     vec3 sharp_weight;
     bool emitter;  // drawn from the emitters
@@ -117,7 +174,16 @@ float emitter_density(SceneHit hit, vec3 d) {
     return shines * in_emitters.inverse_power * hit.t * hit.t / max(cosine, 1e-6);
 }
 
-float light_share(bool sharp) { return sharp || DIRECTIONS == BRDF ? 0.0 : in_lights.share; }
+// Returns the share of rays that are drawn from the lights. Few of those fall into a narrow lobe, which finds what
+// shines in it by itself.
+float light_share(bool sharp, uint lobe, Surface s) {
+    const float NARROW = 0.1; // the alpha of a lobe for which half of the share is left
+    float alpha = 1.0;
+    if (SPECULAR != 0u && lobe == GLOSSY) alpha = s.roughness * s.roughness;
+    if (CLEARCOAT != 0u && lobe == COAT) alpha = s.clearcoat_roughness * s.clearcoat_roughness;
+    float part = alpha < 1.0 && DIRECTIONS != LIGHT ? alpha / (alpha + NARROW) : 1.0;
+    return sharp || DIRECTIONS == BRDF ? 0.0 : in_lights.share * part;
+}
 
 // Three numbers of a path's first ray: over the frames a pixel's additive sequence, which begins anywhere. Its steps
 // were searched for so that 4 to 64 points in a row, and 4 to 64 points of every fourth frame, are spread evenly.
@@ -134,14 +200,15 @@ Aim aim(vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye, vec3 numb
     float emitters = emitter_share(aim.sharp);
     aim.emitter = EMITTERS != 0u && numbers.z < emitters;
     if (EMITTERS != 0u) numbers.z = (numbers.z - emitters) / (1.0 - emitters);
-    aim.light = !aim.emitter && numbers.z < light_share(aim.sharp);
+    aim.light = !aim.emitter && numbers.z < light_share(aim.sharp, lobe, s);
     aim.far = false;
+    aim.kind = 0u;
     aim.target = aim.sharp_weight = vec3(0.0);
     aim.possible = true;
     if (aim.emitter) {
         toward_emitter(near, random_next(random), numbers.xy, aim);
         aim.possible = dot(aim.d, s.normal) > 0.0 && dot(aim.d, s.geometric) > 0.0;
-    } else if (aim.light) aim.possible = toward_light(x, s.normal, numbers.xy, random, aim.d, aim.target, aim.far);
+    } else if (aim.light) aim.possible = toward_light(x, near, s.normal, numbers.xy, random, aim.d, aim.target, aim.far, aim.kind);
     else {
         float third = TRANSMISSION != 0u ? random_next(random) : 0.0;
         aim.d = bsdf_sample(s, l, lobe, to_eye, vec3(numbers.xy, third), aim.sharp_weight);
@@ -151,15 +218,15 @@ Aim aim(vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye, vec3 numb
 }
 
 // Traces the real scene along it.
-Ray trace(Aim aim, vec3 x, Surface s, Lobes l, uint lobe, vec3 to_eye) {
+Ray trace(Aim aim, vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye) {
     Ray ray = Ray(aim.d, vec3(0.0), PanoramaHit(FAR, vec2(0.0), FREE, vec3(0.0)), vec3(0.0), 0.0);
     if (!aim.possible) return ray;
-    ray.real = real_trace(x, ray.d);
+    ray.real = real_trace(x, near, ray.d);
     if (aim.sharp) { ray.weight = aim.sharp_weight; return ray; }
-    if (aim.light && !meets(ray.real, x, ray.d, aim.target, aim.far)) return ray;
-    float density, share = light_share(aim.sharp);
+    if (aim.light && !meets(ray.real, x, ray.d, aim.target, aim.far, aim.kind)) return ray;
+    float density, share = light_share(aim.sharp, lobe, s);
     vec3 f = bsdf_evaluate(s, l, lobe, to_eye, ray.d, density);
-    float p = (1.0 - share) * density + (share > 0.0 ? share * light_density(x, ray.d, ray.real) : 0.0);
+    float p = (1.0 - share) * density + (share > 0.0 ? share * lights_density(x, near, s.normal, ray.d, ray.real) : 0.0);
     if (EMITTERS != 0u) {
         p *= 1.0 - emitter_share(aim.sharp);
         ray.f = f;
@@ -216,7 +283,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
                 continue;
             }
         }
-        ray = trace(next, origin, s, l, lobe, to_eye);
+        ray = trace(next, origin, origin, s, l, lobe, to_eye);
         if (!bsdf_leaves(s, lobe, ray.d)) return sum;
         wide = lobe == DIFFUSE || lobe == SHEEN_LOBE;
         hit.instance = NONE;
@@ -225,7 +292,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
         throughput *= mixed_weight(ray, next, hit) / bsdf_probability(l, lobe);
         if (largest(throughput) <= 0.0) return sum;
     }
-    return sum + throughput * relit(ray.real.uv, hit_radiance(ray.real));
+    return sum + throughput * hit_relit(ray.real);
 }
 
 // --- a real surface ---
@@ -252,7 +319,7 @@ Aim real_aim(ivec2 p, RealStart from, inout Random random) {
 }
 
 Ray real_ray(Aim aim, RealStart from) {
-    return trace(aim, from.off_real, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0));
+    return trace(aim, from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0));
 }
 
 // Returns the share of the rays from a pixel that are traced if they meet no object: all where objects changed

@@ -29,7 +29,12 @@ void main() {
             bool beyond = y < 0 || y >= size.y; // beyond the pole is the opposite meridian
             ivec2 texel = ivec2((x + size.x + (beyond ? size.x / 2 : 0)) % size.x, y < 0 ? -1 - y : beyond ? 2 * size.y - 1 - y : y);
             float weight = row * hat(from.x - float(x) - 0.5, to.x - float(x) - 0.5);
-            if (weight > 0.0) sum += weight * luminance(imageLoad(in_panorama_radiance, texel).rgb);
+            if (weight > 0.0) {
+                vec4 shown = imageLoad(in_panorama_radiance, texel);
+                vec3 radiance = shown.rgb * shown.w;
+                if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction((vec2(texel) + 0.5) / vec2(size)), radiance);
+                sum += weight * luminance(radiance);
+            }
         }
     }
     float mean = sum / ((to.x - from.x) * (to.y - from.y));

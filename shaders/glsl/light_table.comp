@@ -56,7 +56,11 @@ void main() {
         }
         lights.total = total;
         // An even panorama has no lights worth drawing.
-        float above = total / max(4.0 * PI * mean, 1e-20);
+        // Free lamps are drawn beside the table, and wherever there are any.
+        float lamps = 0.0;
+        for (uint k = 0u; k < lamp_count(); k++) lamps += lamp_power(k);
+        float above = (total + lamps) / max(4.0 * PI * mean + lamps, 1e-20);
+        if (lamps > 0.0) above = max(above, 0.1);
         lights.share = DIRECTIONS == LIGHT ? 1.0 : above < 0.05 ? 0.0 : min(0.5, above);
     }
 }

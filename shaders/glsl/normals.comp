@@ -6,6 +6,7 @@
 // In: plane, depth. Out: normal (towards the centre), depth (m).
 #include "common.glsl"
 #include "panorama.glsl"
+#include "edge_depth.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
 #include "normals.glsl"
@@ -26,8 +27,8 @@ void main() {
     if (any(greaterThanEqual(p, size))) return;
     // The poles are copied.
     float pole_scale = FAULT == FAULT_NO_POLES ? 0.0 : 1.0;
-    if (p.y == 0) imageStore(out_depth, p, vec4(pole_scale * vertex_depth(p.x, -1)));
-    if (p.y == size.y - 1) imageStore(out_depth, p + ivec2(0, 2), vec4(pole_scale * vertex_depth(p.x, size.y)));
+    if (p.y == 0) imageStore(out_depth, p, vec4(with_edge_class(pole_scale * vertex_depth(p.x, -1), EDGE_AT_POLE)));
+    if (p.y == size.y - 1) imageStore(out_depth, p + ivec2(0, 2), vec4(with_edge_class(pole_scale * vertex_depth(p.x, size.y), EDGE_AT_POLE)));
     float depth = vertex_depth(p.x, p.y);
     vec3 direction = vertex_direction(p.x, p.y);
     vec4 choice = vec4(direction, FAR);
@@ -58,5 +59,6 @@ void main() {
     if (FAULT == FAULT_HOLES_NEAR && depth <= 0.0) depth = 0.5;
     vec3 normal = dot(choice.xyz, choice.xyz) > 0.0 ? -normalize(choice.xyz) : -direction;
     imageStore(out_panorama_normal, p, vec4(to_half(normal), 0.0));
+    if (in_view.view.edge_depth != 0u) depth = with_edge_class(depth, edge_class_at(p, vertex_depth(p.x, p.y)));
     imageStore(out_depth, p + ivec2(0, 1), vec4(depth));
 }

@@ -11,9 +11,12 @@ const uint SKIRT = 2u;
 struct PanoramaHit {
     float t;      // FAR if the ray leaves
     vec2 uv;      // where the radiance is read
-    uint kind;    // FREE, SURFACE or SKIRT
+    uint kind;    // FREE, SURFACE, SKIRT, or a lamp (lamps.glsl)
     vec3 normal;  // of the triangle, of any length
 };
+
+#include "lamps.glsl"
+#include "edges.glsl"
 
 vec2 panorama_uv(vec3 d) {
     float u = (arctangent(d.x, -d.z) + in_view.view.yaw) * (0.5 / PI) + 0.5;
@@ -29,6 +32,23 @@ vec3 panorama_bilinear(vec2 uv) {
     vec3 a = imageLoad(in_panorama_radiance, wrap_texel(i, size)).rgb, b = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(1, 0), size)).rgb;
     vec3 c = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(0, 1), size)).rgb, d = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(1, 1), size)).rgb;
     return mix(mix(a, b, f.x), mix(c, d, f.x), f.y);
+}
+
+// Returns the same as a light: a clipped lamp shines by a factor more than it shows.
+vec3 panorama_light(vec2 uv) {
+    ivec2 size = ivec2(in_view.view.color_size);
+    vec2 p = uv * vec2(size) - 0.5;
+    ivec2 i = ivec2(floor(p));
+    vec2 f = p - vec2(i);
+    vec4 a = imageLoad(in_panorama_radiance, wrap_texel(i, size)), b = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(1, 0), size));
+    vec4 c = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(0, 1), size)), d = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(1, 1), size));
+    return mix(mix(a.rgb * a.w, b.rgb * b.w, f.x), mix(c.rgb * c.w, d.rgb * d.w, f.x), f.y);
+}
+
+// Returns the direction of a place of the panorama in the world.
+vec3 panorama_direction(vec2 uv) {
+    vec2 phi = circle(uv.x - 0.5 - in_view.view.yaw / (2.0 * PI)), theta = circle(0.5 * uv.y);
+    return vec3(theta.y * phi.y, theta.x, -theta.y * phi.x);
 }
 
 vec3 panorama_bilinear_level(vec2 uv, int level) {

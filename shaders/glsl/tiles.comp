@@ -38,6 +38,14 @@ void find_lamps() {
         ivec2 texel;
         float distance = surface_distance(centre, texel);
         lamp[k] = distance > 0.0 ? vec4(centre * distance, 0.0) : vec4(centre, 1.0);
+        // The first ones are the free lamps, as many as their share of the light.
+        float lamps = 0.0;
+        for (uint i = 0u; i < lamp_count(); i++) lamps += lamp_power(i);
+        float below = (float(k) + 0.5) / float(LAMPS) * (lamps + in_lights.total);
+        for (uint i = 0u; i < lamp_count(); i++) {
+            if (below >= 0.0 && below < lamp_power(i)) lamp[k] = vec4(in_lamps.lamp[i].center, 0.0);
+            below -= lamp_power(i);
+        }
     }
     barrier();
 }

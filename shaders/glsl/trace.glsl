@@ -19,7 +19,7 @@ void cross_triangle(vec3 weight, vec4 a, vec4 b, vec4 c, vec3 origin, vec3 d, fl
     float t = (weight.x * a.z + weight.y * b.z + weight.z * c.z) / sum;
     bool skirt = far > near * (1.0 + in_view.view.edge_ratio);
     vec3 point = origin + d * t;
-    float reach = near + in_view.view.thickness;
+    float reach = skirt_reach(near);
     bool beyond = skirt && dot(point, point) > reach * reach;
     if (inside && sum != 0.0 && near > 0.0 && t > t_min && t < crossing.t && beyond == far_sides) {
         crossing.t = t;
@@ -160,6 +160,15 @@ PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
         ivec2 nearest = depth.x <= min(depth.y, depth.z) ? a : depth.y <= depth.z ? b : c;
         hit.kind = SKIRT;
         hit.uv = vertex_uv(nearest.x, nearest.y);
+        // Far behind a wall's edge it is neither the wall nor what is seen beyond, but between them.
+        float near = min(depth.x, min(depth.y, depth.z));
+        vec3 point = origin + d * hit.t;
+        if (in_view.view.edge_depth != 0u && dot(point, point) > (near + in_view.view.thickness) * (near + in_view.view.thickness)) {
+            ivec2 farthest = depth.x >= max(depth.y, depth.z) ? a : depth.y >= depth.z ? b : c;
+            vec2 size = vec2(in_view.view.depth_size);
+            hit.uv = clamp((0.5 * vec2(nearest + farthest) + 0.5) / size, vec2(0.0), vec2(2.0, 1.0));
+            hit.uv.x -= floor(hit.uv.x);
+        }
     } else hit.uv = panorama_uv(origin + d * hit.t);
     return hit;
 }

@@ -26,6 +26,7 @@ void main() {
     PanoramaHit hit;
     if (MARCH_STEPS > 0u) hit = panorama_march(ray.origin, ray.direction, MARCH_STEPS);
     else hit = panorama_trace(ray.origin, ray.direction, ray.t_min, ray.t_max);
+    lamps_meet(ray.origin, ray.direction, hit);
     bool unknown = FAR_SIDES != 0u && panorama_unknown(ray.origin, ray.direction, ray.t_min, hit.t);
     out_answers.answer[k] = RayAnswer(hit.t, hit.kind, hit.uv, hit.normal, uint(unknown));
 }

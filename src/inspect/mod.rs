@@ -8,6 +8,7 @@ pub mod video;
 use crate::{
     options::RenderOptions,
     panorama::{
+        clipped::ClippedLamp,
         cloud::Cloud,
         depth::length_words as metres,
         room::{self, Level},
@@ -46,6 +47,9 @@ pub struct ColorFacts {
     pub radiance: [f32; 3],
     /// The share of texels with a channel at the largest value, where the camera was saturated.
     pub clipped: f32,
+    /// The lamps that an LDR capture clips, with the factors that the light they cast asks for. `None` if they
+    /// are not estimated.
+    pub lamps: Option<Vec<ClippedLamp>>,
 }
 
 /// What the panorama's depth holds.
@@ -104,7 +108,10 @@ impl Report {
         Self {
             scene: scene.name.clone(),
             frames: panorama.frame_count(),
-            color: color_facts(frame),
+            color: ColorFacts {
+                lamps: panorama.clipped_lamps().map(|found| found.lamps.clone()),
+                ..color_facts(frame)
+            },
             depth: DepthFacts {
                 size: frame.depth_size,
                 taken: frame.taken[1].clone(),
@@ -132,6 +139,12 @@ impl Report {
             out,
             "light    radiance {least:.3} to {most:.3}, median {median:.3}; {clipped:.1} % at the largest value"
         );
+        if let Some(lamps) = color.lamps.as_ref().filter(|lamps| !lamps.is_empty()) {
+            let share =
+                |lamp: &ClippedLamp| format!("{:.1} ({:.2} % of the sphere)", lamp.factor, lamp.solid_angle / 0.1257);
+            let all: Vec<_> = lamps.iter().map(share).collect();
+            let _ = writeln!(out, "lamps    clipped; by the light that they cast brighter by {}", all.join(", "));
+        }
         let [w, h] = depth.size;
         let holes = 100.0 * depth.holes;
         let range = match depth.metres {
@@ -186,6 +199,7 @@ fn color_facts(frame: &PanoramaFrame) -> ColorFacts {
         taken: frame.taken[0].clone(),
         radiance: [some[0], some[some.len() / 2], brightest],
         clipped: at_largest as f32 / frame.radiance.len() as f32,
+        lamps: None,
     }
 }
 

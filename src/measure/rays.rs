@@ -259,6 +259,7 @@ fn resample(frame: &PanoramaFrame, size: [u32; 2]) -> Result<PanoramaFrame> {
         depth,
         quantisation: frame.quantisation,
         warnings: Vec::new(),
+        white: None,
         taken: Default::default(),
     })
 }

@@ -21,7 +21,7 @@ pub fn mean_luminance(frame: &PanoramaFrame) -> f32 {
 }
 
 fn luminance(t: &[f32; 4]) -> f64 {
-    0.2126 * f64::from(t[0]) + 0.7152 * f64::from(t[1]) + 0.0722 * f64::from(t[2])
+    f64::from(t[3]) * (0.2126 * f64::from(t[0]) + 0.7152 * f64::from(t[1]) + 0.0722 * f64::from(t[2]))
 }
 
 /// Returns the share of all light that is above the mean. `light_cells.comp` and `light_table.comp` compute

@@ -121,6 +121,7 @@ mod tests {
         let frame = PanoramaFrame {
             color_size: size,
             radiance: texels.collect(),
+            white: None,
             depth_size: [1, 1],
             depth: vec![1.0],
             quantisation: Quantisation::None,

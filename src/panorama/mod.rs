@@ -1,7 +1,9 @@
 //! The 360° RGBD video. Files or memory become linear radiance and metres, on the equirectangular mapping.
+pub mod clipped;
 pub mod cloud;
 pub mod depth;
 pub mod guess;
+pub mod lamps;
 pub mod level;
 pub mod light;
 pub mod mapping;

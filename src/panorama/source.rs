@@ -1,6 +1,7 @@
 //! Loads panorama frames from image files, from image sequences, from videos or from memory.
 
 use super::{
+    clipped::{self, Clipped},
     depth::{Quantisation, Rule, box_depth, length_words, unit_warning},
     level::Levelling,
     pattern::Pattern,
@@ -18,15 +19,21 @@ use crate::{
 };
 use glam::Vec3;
 use rayon::prelude::*;
-use std::{path::PathBuf, sync::Arc};
+use std::{
+    path::PathBuf,
+    sync::{Arc, OnceLock},
+};
 
 /// One equirectangular frame. Row 0 is towards +Y.
 #[derive(Clone, Debug, Default)]
 pub struct PanoramaFrame {
     /// Width and height of `radiance`.
     pub color_size: [u32; 2],
-    /// Linear Rec. 709 with alpha 1, finite and ≥ 0. Exposure and inverse tone mapping are applied.
+    /// Linear Rec. 709, finite and ≥ 0. Exposure and inverse tone mapping are applied. Alpha is by how much
+    /// more a texel shines than it shows: 1, or the factor of a clipped lamp.
     pub radiance: Vec<[f32; 4]>,
+    /// The radiance at which the capture clips; `None` if it does not.
+    pub white: Option<f32>,
     /// Width and height of `depth`. They may differ from the colour's.
     pub depth_size: [u32; 2],
     /// Radial metres; 0 is a hole.
@@ -99,6 +106,19 @@ pub struct PanoramaSpec {
     /// The linear value that a saturated LDR texel becomes, before `exposure`. 1 leaves such texels as they
     /// are.
     pub inverse_tonemap: f32,
+    /// How bright clipped lamps are.
+    pub lamps: LampRule,
+}
+
+/// How bright the lamps and windows are that an 8- or 16-bit capture clips.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LampRule {
+    /// As bright as the capture shows.
+    AsCaptured,
+    /// As bright as the light that they cast says, by the first frame ([`clipped::estimate`]).
+    Estimate,
+    /// This many times as bright.
+    Factor(f32),
 }
 
 /// A sequence of panorama frames. Clones share the frames that are loaded.
@@ -113,6 +133,10 @@ pub struct PanoramaSource {
     pub yaw_degrees: f32,
     /// The factor by which saturated LDR texels were raised ([`tone`]). It is undone where the output is LDR.
     pub inverse_tonemap: f32,
+    /// How bright clipped lamps are.
+    pub lamps: LampRule,
+    /// What [`LampRule::Estimate`] found in the first frame.
+    clipped: Arc<OnceLock<Clipped>>,
     /// What is unusual about the sequence. Each frame has warnings of its own.
     pub warnings: Vec<String>,
 }
@@ -148,6 +172,8 @@ impl PanoramaSource {
             position,
             yaw_degrees,
             inverse_tonemap: 1.0,
+            lamps: LampRule::Estimate,
+            clipped: Arc::default(),
             warnings: Vec::new(),
         })
     }
@@ -227,7 +253,8 @@ impl PanoramaSource {
             DepthSource::Files(path) => (Track::open(&spec.color)?, Some(Track::open(path)?)),
             _ => (Track::open(&spec.color)?, None),
         };
-        let (position, yaw_degrees, inverse_tonemap) = (spec.position, spec.yaw_degrees, spec.inverse_tonemap);
+        let (position, yaw_degrees) = (spec.position, spec.yaw_degrees);
+        let (inverse_tonemap, lamps, clipped) = (spec.inverse_tonemap, spec.lamps, Arc::default());
         let mut warnings = Vec::new();
         let (color, depth) = match tracks {
             (Track::Images(color), None) => (color, None),
@@ -236,7 +263,7 @@ impl PanoramaSource {
                 let plan = Plan::of_videos(spec, color, depth, &mut warnings)?;
                 let fps = f64::from(plan.rate[0]) / f64::from(plan.rate[1]);
                 let frames = FrameSource::Files(Arc::new(Stream::new(plan)));
-                return Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, warnings });
+                return Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, lamps, clipped, warnings });
             }
         };
         let sequence = [Some(&color), depth.as_ref()].into_iter().flatten().find(|pattern| pattern.is_sequence());
@@ -273,7 +300,7 @@ impl PanoramaSource {
             depth: depth.map(Track::Images),
         };
         let frames = FrameSource::Files(Arc::new(Stream::new(plan)));
-        Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, warnings })
+        Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, lamps, clipped, warnings })
     }
 
     /// Returns the number of frames, at least 1.
@@ -307,6 +334,40 @@ impl PanoramaSource {
     /// # Errors
     /// Fails if a file cannot be read or used.
     pub fn load(&self, index: usize) -> Result<Arc<PanoramaFrame>> {
+        let mut frame = self.read(index)?;
+        if let Some(white) = frame.white {
+            let clipped = self.clipped(&frame, index)?;
+            if clipped.raises() {
+                clipped.raise(Arc::make_mut(&mut frame), white);
+            }
+        }
+        Ok(frame)
+    }
+
+    /// Returns what is known of the clipped lamps. `frame` is frame `index`.
+    fn clipped(&self, frame: &PanoramaFrame, index: usize) -> Result<Clipped> {
+        Ok(match self.lamps {
+            LampRule::AsCaptured => Clipped::default(),
+            LampRule::Factor(factor) => Clipped::even(factor),
+            LampRule::Estimate => match self.clipped.get() {
+                Some(known) => known.clone(),
+                None => {
+                    let first = if index == 0 { None } else { Some(self.read(0)?) };
+                    let first: &PanoramaFrame = first.as_deref().unwrap_or(frame);
+                    let found = first.white.map_or_else(Clipped::default, |white| clipped::estimate(first, white));
+                    self.clipped.get_or_init(|| found).clone()
+                }
+            },
+        })
+    }
+
+    /// Returns the clipped lamps of the first frame and their factors, once a frame was loaded.
+    pub fn clipped_lamps(&self) -> Option<&Clipped> {
+        self.clipped.get()
+    }
+
+    /// Reads a frame, lamps as captured.
+    fn read(&self, index: usize) -> Result<Arc<PanoramaFrame>> {
         let index = index.min(self.frame_count() - 1);
         match &self.frames {
             FrameSource::Memory(frames) => Ok(Arc::clone(&frames[index])),
@@ -475,7 +536,17 @@ pub(super) fn make_frame(
     if tells && matches!(spec.depth, DepthSource::Files(_) | DepthSource::Packed) {
         warnings.extend(unit_warning(&depth, rule).map(|warning| format!("{depth_subject}: {warning}")));
     }
-    Ok(PanoramaFrame { color_size: size, radiance: color.texels, depth_size, depth, quantisation, warnings, taken })
+    let white = color.ldr.then(|| tone::expand(Vec3::ONE, spec.inverse_tonemap).x * spec.exposure);
+    Ok(PanoramaFrame {
+        color_size: size,
+        radiance: color.texels,
+        white,
+        depth_size,
+        depth,
+        quantisation,
+        warnings,
+        taken,
+    })
 }
 
 /// Passes on what is unusual about a file, and which channels were taken if that is in doubt.

@@ -47,7 +47,11 @@ impl Gbuffer {
             &[plan.constant(Part::Emission), plan.constant(Part::Motion), plan.constant(Part::Deformation), projection],
         ]
         .concat();
-        let rays = [Part::OffCentre.constant(u32::from(look.off_centre)), plan.constant(Part::Objects)];
+        let rays = [
+            Part::OffCentre.constant(u32::from(look.off_centre)),
+            plan.constant(Part::Objects),
+            plan.constant(Part::FreeLamps),
+        ];
         let centre = [
             ("FILL_UNSEEN", u32::from(plan.settings.fill_unseen)), // what is behind objects needs no colour
             Part::RadiancePyramid.constant(u32::from(plan.color_levels() > 1)),

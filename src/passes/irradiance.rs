@@ -51,6 +51,7 @@ impl Irradiance {
                 ("VIRTUAL_TRACER", virtual_tracer as u32),
                 ("RELIGHTING", settings.relighting as u32),
                 plan.constant(Part::LightTable),
+                plan.constant(Part::FreeLamps),
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Emission),
                 emitters,
@@ -64,6 +65,7 @@ impl Irradiance {
                 plan.result_in_brief(),
                 plan.constant(Part::RealTracer),
                 plan.constant(Part::LightTable),
+                plan.constant(Part::FreeLamps),
                 emitters,
                 role.projection(plan),
             ];

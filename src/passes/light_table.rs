@@ -22,14 +22,16 @@ pub struct LightTable {
 }
 
 impl LightTable {
-    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
+    /// `free_lamps` says whether lamps may hang free, which the table leaves out.
+    pub fn new(gpu: &Gpu, settings: &Settings, free_lamps: bool) -> Result<Self> {
+        let lamps = Part::FreeLamps.constant(u32::from(free_lamps));
         Ok(Self {
-            cells: Kernel::new::<()>(gpu, "light_cells", shaders::LIGHT_CELLS, &[])?,
+            cells: Kernel::new::<()>(gpu, "light_cells", shaders::LIGHT_CELLS, &[lamps])?,
             sums: Kernel::new::<()>(
                 gpu,
                 "light_table",
                 shaders::LIGHT_TABLE,
-                &[Part::LightTable.constant(settings.directions as u32)],
+                &[Part::LightTable.constant(settings.directions as u32), lamps],
             )?,
         })
     }

@@ -9,6 +9,7 @@ pub mod composite;
 pub mod depth_pyramid;
 pub mod display;
 pub mod fault;
+pub mod free_lamps;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod irradiance;

@@ -1,13 +1,14 @@
 //! The panorama on the device, and what is derived from it once per video frame.
 
 use super::{
+    free_lamps,
     resources::{Resource, Resources},
     view::ViewData,
 };
 use crate::{
     Error, Result,
-    gpu::{Format, Frame, Gpu, Image},
-    panorama::source::PanoramaFrame,
+    gpu::{Buffer, Format, Frame, Gpu, Image},
+    panorama::{lamps, source::PanoramaFrame},
     plan::{Part, Plan},
 };
 
@@ -65,6 +66,8 @@ pub struct Panorama {
     /// What shaders read, by name.
     pub resources: Resources,
     radiance: Image,
+    /// The lamps that hang free. `None` if none are looked for.
+    lamps: Option<Buffer>,
     /// Depth as captured. Dropped once a panorama that never changes is prepared.
     raw_depth: Option<Image>,
 }
@@ -80,6 +83,8 @@ pub struct Needs {
     pub boxes: std::result::Result<(), Part>,
     /// The light table.
     pub lights: std::result::Result<(), Part>,
+    /// Lamps that hang free, found in each frame.
+    pub free_lamps: bool,
 }
 
 impl Needs {
@@ -91,6 +96,7 @@ impl Needs {
             geometry: need(plan.geometry(), Part::Objects),
             boxes: need(plan.boxes(), if plan.on(Part::Objects) { Part::RealTracer } else { Part::Objects }),
             lights: need(plan.on(Part::LightTable), Part::LightTable),
+            free_lamps: plan.on(Part::FreeLamps),
         }
     }
 }
@@ -107,6 +113,7 @@ pub fn bytes(plan: &Plan) -> u64 {
         + if plan.geometry() { geometry } else { 0 }
         + if plan.boxes() { u64::from(PyramidShape::new(facts.depth_size).nodes * NODE_TEXELS) * 16 } else { 0 }
         + if plan.on(Part::LightTable) { super::light_table::BYTES } else { 0 }
+        + if plan.on(Part::FreeLamps) { free_lamps::BYTES } else { 0 }
 }
 
 /// The first width that the pyramid's node codes cannot address.
@@ -153,7 +160,10 @@ impl Panorama {
         }
         let lights = if needs.lights.is_ok() { super::light_table::BYTES } else { 0 };
         resources.add("lights", Resource::Buffer(gpu.buffer("light table", lights)?));
-        Ok(Self { color_size, depth_size, yaw_degrees, shape, far_sides: false, resources, radiance, raw_depth })
+        let lamps = gpu.buffer("free lamps", if needs.free_lamps { free_lamps::BYTES } else { 0 })?;
+        resources.add("lamps", Resource::Buffer(lamps.clone()));
+        let lamps = needs.free_lamps.then_some(lamps);
+        Ok(Self { color_size, depth_size, yaw_degrees, shape, far_sides: false, resources, radiance, lamps, raw_depth })
     }
 
     /// Adds room for the far sides of skirts, which `panorama_unknown` needs.
@@ -206,8 +216,17 @@ impl Panorama {
     /// Records the upload of a video frame. The passes of a new video frame must run after it.
     pub fn upload(&self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
         frame.write_image(&self.radiance, 0, 0, &content.radiance)?;
+        let mut depth = &content.depth;
+        let found;
+        if let Some(buffer) = &self.lamps {
+            found = lamps::find(content);
+            frame.write_buffer(buffer, 0, &free_lamps::packed(&found.lamps, self.yaw_degrees))?;
+            if !found.lamps.is_empty() {
+                depth = &found.depth;
+            }
+        }
         match &self.raw_depth {
-            Some(raw_depth) => frame.write_image(raw_depth, 0, 0, &with_poles(&content.depth, content.depth_size)),
+            Some(raw_depth) => frame.write_image(raw_depth, 0, 0, &with_poles(depth, content.depth_size)),
             None => Ok(()),
         }
     }

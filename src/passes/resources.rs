@@ -76,6 +76,7 @@ pub const STRUCTS: &[StructLayout] = &[
     struct_layout::<packed::Light>("Light"),
     struct_layout::<packed::Punctual>("Punctual"),
     struct_layout::<trace_rays::TracedRay>("TracedRay"),
+    struct_layout::<super::free_lamps::FreeLamp>("FreeLamp"),
     struct_layout::<trace_rays::RayAnswer>("RayAnswer"),
 ];
 

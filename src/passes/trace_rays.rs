@@ -12,9 +12,9 @@ use crate::{
     Error, Result,
     gpu::{Bind, Buffer, Gpu, Threads, Timings},
     gpu_struct,
-    panorama::{depth::Quantisation, source::PanoramaFrame},
+    panorama::{depth::Quantisation, lamps, source::PanoramaFrame},
     plan::Part,
-    settings::Settings,
+    settings::{Presence, Settings},
     shaders,
 };
 use glam::{Vec2, Vec3};
@@ -26,7 +26,7 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// What a ray met: [`FREE`], [`SURFACE`] or [`SKIRT`] at `t` metres (1e30 if it left). `uv` is where its
+    /// What a ray met: [`FREE`], [`SURFACE`], [`SKIRT`], or a free lamp ([`LAMP`] + its number), at `t` metres (1e30 if it left). `uv` is where its
     /// radiance is read, `normal` the triangle's, of any length. `unknown` is 1 if it passed through a
     /// skirt's far side, and 0 if that was not asked.
     pub struct RayAnswer { pub t: f32, pub kind: u32, pub uv: Vec2, pub normal: Vec3, pub unknown: u32 }
@@ -42,6 +42,8 @@ pub const FREE: u32 = 0;
 pub const SURFACE: u32 = 1;
 /// The ray met a skirt within the thickness.
 pub const SKIRT: u32 = 2;
+/// The ray met the first of the lamps that hang free. The others follow.
+pub const LAMP: u32 = 3;
 
 /// How rays are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,9 +92,15 @@ impl RayTracer {
         tracer: Tracer,
     ) -> Result<Self> {
         let steps = if let Tracer::March(steps) = tracer { steps } else { 0 };
-        let constants = [("FAR_SIDES", u32::from(tracer == Tracer::FarSides)), ("MARCH_STEPS", steps)];
+        let free_lamps = settings.free_lamps != Presence::Off && !lamps::find(frame).lamps.is_empty();
+        let constants = [
+            ("FAR_SIDES", u32::from(tracer == Tracer::FarSides)),
+            ("MARCH_STEPS", steps),
+            Part::FreeLamps.constant(u32::from(free_lamps)),
+        ];
         let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, &constants)?;
-        let needs = Needs { color_levels: 1, geometry: Ok(()), boxes: Ok(()), lights: Err(Part::LightTable) };
+        let needs =
+            Needs { color_levels: 1, geometry: Ok(()), boxes: Ok(()), lights: Err(Part::LightTable), free_lamps };
         let mut panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, needs)?;
         if tracer == Tracer::FarSides {
             panorama = panorama.with_far_sides(gpu)?;
@@ -100,8 +108,12 @@ impl RayTracer {
         let mut upload = gpu.frame()?;
         panorama.upload(&mut upload, frame)?;
         upload.run()?;
-        let mut data =
-            ViewData { edge_ratio: settings.edge_ratio, thickness: settings.thickness, ..ViewData::default() };
+        let mut data = ViewData {
+            edge_ratio: settings.edge_ratio,
+            thickness: settings.thickness,
+            edge_depth: u32::from(settings.edge_depth),
+            ..ViewData::default()
+        };
         panorama.describe(&mut data);
         let mut view = Resources::default();
         view.add("view", Resource::Buffer(gpu.buffer_with("rays view", &[data])?));

@@ -1,4 +1,5 @@
-//! `unknown`: finds pixels that show what the capture never saw. For the window, outside of the frame.
+//! `unknown`: finds pixels that show what the capture never saw, and `unknown_light`: which share of a pixel's light
+//! comes from there. Outside of the frame.
 
 use super::{
     depth_pyramid::DepthPyramid,
@@ -8,12 +9,14 @@ use super::{
 use crate::{
     Result,
     gpu::{Format, Gpu, Image, Threads},
+    plan::{Part, Plan},
     shaders,
 };
 
 /// The pass that marks such pixels, with its resources.
 pub struct Unknown {
     kernel: Kernel,
+    light: Kernel,
     depth_pyramid: DepthPyramid,
     /// The renderer's panorama, but with a pyramid of its own that also has far sides.
     panorama: Panorama,
@@ -23,9 +26,12 @@ pub struct Unknown {
 
 impl Unknown {
     /// Builds the pipelines and allocates for a panorama.
-    pub fn new(gpu: &Gpu, panorama: &Panorama) -> Result<Self> {
+    pub fn new(gpu: &Gpu, panorama: &Panorama, plan: &Plan) -> Result<Self> {
+        let lamps = plan.constant(Part::FreeLamps);
+        let light = [lamps, plan.constant(Part::VirtualSurfaces)];
         Ok(Self {
             kernel: Kernel::new::<()>(gpu, "unknown", shaders::UNKNOWN, &[])?,
+            light: Kernel::new::<()>(gpu, "unknown_light", shaders::UNKNOWN_LIGHT, &light)?,
             depth_pyramid: DepthPyramid::new(gpu)?,
             panorama: panorama.clone().with_far_sides(gpu)?,
             prepared: None,
@@ -38,6 +44,18 @@ impl Unknown {
     /// # Errors
     /// Fails if the device is lost or out of memory.
     pub fn find(&mut self, gpu: &Gpu, view: &Resources, size: [u32; 2], video_frame: usize) -> Result<Image> {
+        self.run(gpu, view, size, video_frame, false)
+    }
+
+    /// Finds the share of unknown light for a view that holds the images of its last frame.
+    ///
+    /// # Errors
+    /// Fails if the device is lost or out of memory.
+    pub fn light(&mut self, gpu: &Gpu, view: &Resources, size: [u32; 2], video_frame: usize) -> Result<Image> {
+        self.run(gpu, view, size, video_frame, true)
+    }
+
+    fn run(&mut self, gpu: &Gpu, view: &Resources, size: [u32; 2], video_frame: usize, light: bool) -> Result<Image> {
         let image = match self.image.take().filter(|image| image.size() == size) {
             Some(image) => image,
             None => gpu.image("unknown", size, 1, 1, Format::R32f)?,
@@ -51,7 +69,8 @@ impl Unknown {
         let mut own = Resources::default();
         own.add("unknown", Resource::Image(image.clone()));
         let threads = Threads::Size([size[0], size[1], 1]);
-        self.kernel.dispatch(&mut frame, &[], &[&own, view, &self.panorama.resources], &(), threads)?;
+        let kernel = if light { &self.light } else { &self.kernel };
+        kernel.dispatch(&mut frame, &[], &[&own, view, &self.panorama.resources], &(), threads)?;
         frame.run()?;
         self.image = Some(image.clone());
         Ok(image)

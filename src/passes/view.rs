@@ -33,6 +33,8 @@ gpu_struct! {
         pub yaw: f32,
         pub edge_ratio: f32,
         pub thickness: f32,
+        pub skirt_luminance: f32,
+        pub edge_depth: u32,
         pub pyramid_levels: u32,
         pub pyramid_size: [u32; 2],
         pub pyramid_area: u32,

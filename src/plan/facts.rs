@@ -6,6 +6,7 @@ use crate::{
     gpu::Constant,
     options::RenderOptions,
     panorama::{
+        lamps,
         light::{light_share, mean_luminance},
         mapping::texel_direction,
         source::PanoramaFrame,
@@ -56,6 +57,8 @@ pub struct Facts {
     pub has_depth: bool,
     /// The share of the panorama's light that is above its mean. `None` if the panorama changes.
     pub light_share: Option<f64>,
+    /// How many small lamps hang free in the panorama. `None` if the panorama changes.
+    pub free_lamps: Option<usize>,
     /// How many rows of the panorama a pixel spans at the camera's widest angle.
     pub footprint: f32,
     /// Where the camera is over the whole time.
@@ -109,6 +112,7 @@ impl Facts {
             frames,
             has_depth: !still || first.depth.iter().any(|depth| *depth > 0.0),
             light_share: still.then(|| light_share(&first)),
+            free_lamps: still.then(|| lamps::find(&first).lamps.len()),
             footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
             camera: camera_place(scene),
             instances,

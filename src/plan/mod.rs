@@ -169,6 +169,17 @@ impl Plan {
                 "the panorama has depth",
                 "the panorama is infinitely far: its depth is all holes",
             ),
+            // Whether objects are inserted changes nothing else in the picture.
+            Part::FreeLamps if self.asked.real_tracer == RealTracer::Direction => {
+                (false, "rays meet no real surfaces".to_owned())
+            }
+            Part::FreeLamps if !self.geometry() => (false, "nothing needs real surfaces".to_owned()),
+            Part::FreeLamps => match facts.free_lamps {
+                Some(count) => {
+                    (count > 0, format!("the panorama has {}", crate::plan::count(count, "such lamp", "such lamps")))
+                }
+                None => (true, "the panorama changes".to_owned()),
+            },
             Part::LightTable if settings.directions == Directions::Light => (true, "all rays draw from it".to_owned()),
             Part::LightTable => match facts.light_share {
                 Some(share) => {

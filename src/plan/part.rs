@@ -74,6 +74,11 @@ parts! {
         off_where: "the panorama's only frame has no depth at all",
         leaves_out: "`depth_pyramid`, the walk in `irradiance`",
     }
+    FreeLamps: "Small lamps that hang free, as ellipsoids." {
+        name: "free_lamps", setting: "free_lamps", off: "off", needs: None, constant: Some("FREE_LAMPS"),
+        off_where: "no small lamp of the only frame stands clear of what lies behind it, or rays and camera meet no real surfaces",
+        leaves_out: "the search for them in each video frame, the code",
+    }
     LightTable: "The panorama's lamps as something to draw directions from." {
         name: "light_table", setting: "directions", off: "brdf", needs: Some(Part::Objects), constant: Some("DIRECTIONS"),
         off_where: "less than 5 % of the only frame's light is above its mean: no lamp would be drawn",

@@ -264,6 +264,7 @@ fn trace(
         depth: sums.centre.iter().map(|texel| texel[3]).collect(),
         quantisation: Quantisation::None,
         warnings: Vec::new(),
+        white: None,
         taken: Default::default(),
     })
 }
@@ -315,6 +316,7 @@ fn load_cached(folder: &Path) -> Option<PanoramaFrame> {
             depth: depth.codes,
             quantisation: Quantisation::None,
             warnings: Vec::new(),
+            white: None,
             taken: Default::default(),
         }))
     };

@@ -8,6 +8,7 @@ use crate::{
         atrous::Atrous,
         display::{Source, Values},
         resources::Resource,
+        unknown::Unknown,
         view::{REAL, VIRTUAL, is_packed, of_surfaces},
     },
     plan::Part,
@@ -51,7 +52,8 @@ impl Renderer {
     /// The names of all images that [`Renderer::aov`] returns.
     pub fn aov_names(&self) -> Vec<String> {
         let derived = DERIVED.iter().map(|(name, _)| (*name).to_owned());
-        derived.chain(self.stored().map(|(name, _)| name)).filter(|name| self.source(name).is_ok()).collect()
+        let held = derived.chain(self.stored().map(|(name, _)| name)).filter(|name| self.source(name).is_ok());
+        held.chain(self.knows_unknown_light().then(|| UNKNOWN_LIGHT.to_owned())).collect()
     }
 
     /// The names of what the images of the view hold: an image, one of its layers, or one of the two lights
@@ -70,18 +72,47 @@ impl Renderer {
         })
     }
 
+    /// The share of each pixel's light that comes out of space that the capture never saw, from the images of the
+    /// last frame.
+    fn unknown_light(&self) -> Result<Vec<[f32; 4]>> {
+        let Some(frame) = self.video_frame else { return Err(Error::Internal("nothing was rendered yet".into())) };
+        if !self.knows_unknown_light() {
+            let problem = format!("\"{UNKNOWN_LIGHT}\" is not known: no rays meet real surfaces");
+            return Err(Error::input("--aov", problem, "leave it out, or use a method whose rays do, and objects"));
+        }
+        let mut unknown = Unknown::new(&self.gpu, &self.panorama, &self.plan)?;
+        let image = unknown.light(&self.gpu, &self.picture.resources, self.options.size, frame)?;
+        Ok(self
+            .gpu
+            .read_image(&image, 0)?
+            .into_iter()
+            .map(|[share, ..]: [f32; 4]| [share, share, share, 1.0])
+            .collect())
+    }
+
+    fn knows_unknown_light(&self) -> bool {
+        self.plan.on(Part::Objects) && self.plan.boxes()
+    }
+
     /// Checks that [`Renderer::aov`] returns an image of this name.
     ///
     /// # Errors
     /// Fails if nothing has that name, or if the plan leaves the image out. The error says why.
     pub fn require_aov(&self, name: &str) -> Result<()> {
-        if MATTES.contains(&name) { Ok(()) } else { self.source(name).map(|_| ()) }
+        if MATTES.contains(&name) || (name == UNKNOWN_LIGHT && self.knows_unknown_light()) {
+            return Ok(());
+        }
+        self.source(name).map(|_| ())
     }
 
     /// An image of the last frame by name, as RGBA. Besides the images of a view there are `irradiance_real`
     /// (E_R), `irradiance_mixed` (E_RV), `irradiance_virtual` (E of the Lambert lobe), `radiance_specular`,
-    /// `object_id`, `motion` and `position` of the surface that covers more of the pixel, and [`MATTES`].
+    /// `object_id`, `motion` and `position` of the surface that covers more of the pixel, [`MATTES`] and
+    /// [`UNKNOWN_LIGHT`].
     pub fn aov(&self, name: &str) -> Result<Vec<[f32; 4]>> {
+        if name == UNKNOWN_LIGHT {
+            return self.unknown_light();
+        }
         if MATTES.contains(&name) {
             return self.matte(name);
         }
@@ -176,6 +207,9 @@ impl Renderer {
         }
     }
 }
+
+/// The image that is made when it is read.
+pub const UNKNOWN_LIGHT: &str = "unknown_light";
 
 /// The source of a derived image: filtered light of a layer, the ids, or the surface that covers more of a
 /// pixel.

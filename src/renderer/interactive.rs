@@ -52,7 +52,7 @@ impl Renderer {
         }
         let mut unknown = match self.unknown.take() {
             Some(unknown) => unknown,
-            None => Unknown::new(&self.gpu, &self.panorama)?,
+            None => Unknown::new(&self.gpu, &self.panorama, &self.plan)?,
         };
         let found = unknown.find(&self.gpu, &self.picture.resources, self.options.size, frame);
         self.unknown = Some(unknown);
@@ -76,7 +76,8 @@ impl Renderer {
         self.frame = number;
     }
 
-    /// Where an image of the last frame is on the device. The names are those of [`Renderer::aov_names`].
+    /// Where an image of the last frame is on the device. The names are those of [`Renderer::aov_names`],
+    /// but for [`UNKNOWN_LIGHT`](super::aov::UNKNOWN_LIGHT).
     ///
     /// # Errors
     /// Fails if there is no such image.

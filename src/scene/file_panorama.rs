@@ -6,7 +6,7 @@ use crate::{
     panorama::{
         depth::{DepthEncoding, Rule},
         pattern::Pattern,
-        source::{DepthSource, FrameRange, Packing, PanoramaSpec},
+        source::{DepthSource, FrameRange, LampRule, Packing, PanoramaSpec},
     },
 };
 use glam::Vec3;
@@ -30,6 +30,7 @@ pub(super) const KEYS: &[&str] = &[
     "mask",
     "exposure",
     "inverse_tonemap",
+    "lamps",
 ];
 
 const MAX_FRAMES: u32 = 1_000_000;
@@ -96,7 +97,27 @@ pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> 
         yaw_degrees: fields.number("yaw").unwrap_or(0.0) as f32,
         exposure: positive("exposure").unwrap_or(1.0) as f32,
         inverse_tonemap: inverse_tonemap.unwrap_or(1.0) as f32,
+        // Who says how bright white is has said how bright lamps are.
+        lamps: read_lamps(fields).unwrap_or(match inverse_tonemap {
+            Some(_) => LampRule::AsCaptured,
+            None => LampRule::Estimate,
+        }),
     })
+}
+
+/// Reads `"estimate"`, `"as captured"` or a factor.
+fn read_lamps(fields: &FieldTable) -> Option<LampRule> {
+    match fields.value("lamps")? {
+        Value::String(_) => match fields.word("lamps", &["estimate", "as captured"])? {
+            0 => Some(LampRule::Estimate),
+            _ => Some(LampRule::AsCaptured),
+        },
+        _ => {
+            let factor = fields
+                .number_in("lamps", "from 1 to 1e6, \"estimate\" or \"as captured\"", |v| (1.0..=1e6).contains(&v));
+            factor.map(|factor| LampRule::Factor(factor as f32))
+        }
+    }
 }
 
 /// Reads `"file"` or `{ file = "…", layer = "…" }`.

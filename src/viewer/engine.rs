@@ -270,6 +270,8 @@ impl<'a> Worker<'a> {
         };
         self.played = Some(frame);
         let mut aovs = self.painters[0].renderer().map_or_else(Vec::new, crate::renderer::Renderer::aov_names);
+        // It takes seconds, and is not held by the device.
+        aovs.retain(|known| known != crate::renderer::aov::UNKNOWN_LIGHT);
         // Where there are two layers, reading these images would put them together, but nothing is read here.
         for name in ["position", "motion"] {
             if aovs.contains(&format!("{name}_virtual")) {

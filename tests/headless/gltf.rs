@@ -50,6 +50,7 @@ fn scene_of(model: Model) -> Scene {
         depth: vec![1.0; 2],
         quantisation: Quantisation::None,
         warnings: vec![],
+        white: None,
         taken: Default::default(),
     };
     let panorama = PanoramaSource::from_frames(vec![frame], 30.0, Vec3::ZERO, 0.0).expect("a panorama");

@@ -13,6 +13,7 @@ mod caches;
 mod cases;
 mod chart;
 mod cli;
+mod clipped;
 mod common;
 mod compare;
 mod converged;
@@ -22,6 +23,7 @@ mod fault_cases;
 #[cfg(feature = "faults")]
 mod faults;
 mod folder;
+mod free_lamps;
 mod fuzz;
 mod gltf;
 mod gpu;

@@ -7,7 +7,7 @@ use iprt::{
         source::PanoramaFrame,
     },
     passes::trace_rays::{FREE, RayAnswer, SKIRT, SURFACE, TracedRay},
-    settings::Settings,
+    settings::{Method, Settings},
 };
 
 /// Of vertex and origin distance: how near an edge a ray must pass to be counted apart. Single precision knows places to 1e-7 of that.
@@ -20,6 +20,8 @@ pub struct Triangle {
     depths: [f64; 3],
     /// Texel columns and rows of the corners; rows -1 and H are the poles.
     texels: [[i64; 2]; 3],
+    /// How deep the thing is that ends at each corner, by its width; `None` where rounding decides.
+    deep: [Option<f64>; 3],
 }
 
 /// Triangles side by side, and a sphere around them.
@@ -56,6 +58,95 @@ pub struct Verdict<'a> {
     allowed: f64,
     pub unknown: bool,
     triangle: Option<&'a Triangle>,
+    /// It lies far behind a wall's edge, where the radiance is that between the two sides.
+    between: bool,
+}
+
+/// How deep skirts are by `edge_depth`, at each texel: see `docs/pipeline.md`. 0 where there is no edge, `None` where rounding decides.
+fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<Option<f64>> {
+    let [width, height] = frame.depth_size.map(i64::from);
+    let depth = |i: i64, j: i64| match j {
+        -1 => poles[0],
+        j if j == height => poles[1],
+        _ => f64::from(frame.depth[(j * width + i.rem_euclid(width)) as usize]),
+    };
+    let point = |i: i64, j: i64| texel_direction(i.rem_euclid(width) as u32, j as u32, frame.depth_size) * depth(i, j);
+    let near = |a: f64, b: f64| (a - b).abs() < 2e-5 * a.max(b);
+    let at = |i: i64, j: i64| -> Option<f64> {
+        let own = depth(i, j);
+        let farthest = (0..9).map(|k| depth(i + k % 3 - 1, (j + k / 3 - 1).clamp(-1, height))).fold(0.0, f64::max);
+        if own <= 0.0 || near(farthest, own * (1.0 + edge_ratio)) {
+            return if own <= 0.0 { Some(0.0) } else { None };
+        }
+        if farthest <= own * (1.0 + edge_ratio) {
+            return Some(0.0);
+        }
+        // The end of a walk over the thing, up to 2 m.
+        let walk = |dx: i64, dy: i64| -> Option<DVec3> {
+            let (mut last, mut depth_there, mut far, mut before) = (point(i, j), own, 0, 0);
+            for _ in 0..40 {
+                if 4 * far >= width {
+                    break;
+                }
+                far += (far / 8).max(1);
+                let (x, y) = (i + dx * far, j + dy * far);
+                if !(0..height).contains(&y) {
+                    break;
+                }
+                let (there, ratio) = (depth(x, y), 1.0 + edge_ratio * ((far - before) as f64).min(5.0));
+                if near(there, depth_there * ratio) || near(there * ratio, depth_there) {
+                    return None;
+                }
+                if there <= 0.0 || there > depth_there * ratio {
+                    break;
+                }
+                if there * ratio < depth_there {
+                    continue;
+                }
+                (depth_there, before, last) = (there, far, point(x, y));
+                if near(last.distance(point(i, j)), 2.0) {
+                    return None;
+                }
+                if last.distance(point(i, j)) > 2.0 {
+                    break;
+                }
+            }
+            Some(last)
+        };
+        let mut thing = f64::INFINITY;
+        for (dx, dy) in [(1, 0), (0, 1), (1, 1), (1, -1)] {
+            let ends = walk(dx, dy)?.distance(walk(-dx, -dy)?);
+            thing = thing.min(ends + own * std::f64::consts::PI / height as f64);
+        }
+        // Rounded down to 1 or 1.5 times a power of two, from 1/64 m to 2 m.
+        let steps: Vec<f64> =
+            (0..14).map(|k| (1.0 + 0.5 * f64::from(k % 2)) * f64::from(1 << (k / 2)) / 64.0).collect();
+        if thing > 0.0157 && (steps.iter().any(|step| near(thing, *step)) || near(thing, 2.0)) || near(thing, 0.0157) {
+            return None;
+        }
+        Some(if thing >= 2.0 {
+            f64::INFINITY
+        } else {
+            steps.into_iter().rev().find(|step| *step <= thing).unwrap_or(1.0 / 64.0)
+        })
+    };
+    (0..height).flat_map(|j| (0..width).map(move |i| (i, j))).map(|(i, j)| at(i, j)).collect()
+}
+
+impl Triangle {
+    /// How far from the centre the triangle is hit if it is a skirt.
+    fn reach(&self, settings: &Settings) -> Option<f64> {
+        let near = self.depths.iter().fold(f64::INFINITY, |near, depth| near.min(*depth));
+        if !settings.edge_depth {
+            return Some(near + f64::from(settings.thickness));
+        }
+        // Of corners as near as each other the one with the least depth behind it counts.
+        let close = |k: &usize| self.depths[*k] < near * (1.0 + 4e-6);
+        let deep: Vec<f64> = (0..3).filter(close).map(|k| self.deep[k]).collect::<Option<_>>()?;
+        let exact = (0..3).filter(close).all(|k| self.depths[k] == near);
+        let least = deep.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+        (exact || deep.iter().all(|d| *d == least)).then_some(near + least)
+    }
 }
 
 impl Oracle {
@@ -77,6 +168,11 @@ impl Oracle {
                 (panorama_to_world(texel_direction(i as u32, j as u32, size), YAW.into()) * depth, depth)
             }
         };
+        let deep = edge_depths(frame, f64::from(Settings::of(Method::Iprt).edge_ratio), poles);
+        let deep_at = |[i, j]: [i64; 2]| match (0..height).contains(&j) {
+            true => deep[(j * width + i % width) as usize],
+            false => Some(0.25),
+        };
         let triangle = |texels: [[i64; 2]; 3]| {
             let corners = texels.map(|[i, j]| vertex(i, j));
             let near = corners.iter().fold(f64::INFINITY, |n, c| n.min(c.1));
@@ -84,6 +180,7 @@ impl Oracle {
                 corners: corners.map(|c| c.0),
                 depths: corners.map(|c| c.1),
                 texels: texels.map(|[i, j]| [i % width, j]),
+                deep: texels.map(deep_at),
             })
         };
         let mut patches = Vec::new();
@@ -169,7 +266,8 @@ pub fn cross(triangle: &Triangle, origin: DVec3, d: DVec3) -> Option<Crossing<'_
 
 /// What the surface's definition says of a ray; nothing where it passes an edge, or where a skirt ends, too closely to tell.
 pub fn judge<'a>(crossings: &[Crossing<'a>], settings: &Settings) -> Option<Verdict<'a>> {
-    let mut verdict = Verdict { kind: FREE, t: f64::INFINITY, allowed: 0.0, unknown: false, triangle: None };
+    let mut verdict =
+        Verdict { kind: FREE, t: f64::INFINITY, allowed: 0.0, unknown: false, triangle: None, between: false };
     for crossing in crossings {
         // beyond what was hit nothing matters
         if crossing.t - crossing.uncertain > verdict.t {
@@ -179,12 +277,14 @@ pub fn judge<'a>(crossings: &[Crossing<'a>], settings: &Settings) -> Option<Verd
         let (near, far) = (depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2]));
         let limit = near * (1.0 + f64::from(settings.edge_ratio));
         let skirt = far > limit;
-        let end = near + f64::from(settings.thickness);
+        let end = if skirt { crossing.triangle.reach(settings)? } else { f64::INFINITY };
+        let wall = near + f64::from(settings.thickness);
         let beyond = skirt && crossing.radius > end;
         let unsure = crossing.at_edge
             || crossing.edge_on
             || (far - limit).abs() < 1e-5 * far
             || skirt && (crossing.radius - end).abs() < crossing.uncertain
+            || skirt && (crossing.radius - wall).abs() < crossing.uncertain
             || crossing.t < crossing.uncertain;
         if unsure {
             return None;
@@ -201,6 +301,7 @@ pub fn judge<'a>(crossings: &[Crossing<'a>], settings: &Settings) -> Option<Verd
                 t: crossing.t,
                 allowed: crossing.allowed,
                 triangle: Some(crossing.triangle),
+                between: skirt && settings.edge_depth && crossing.radius > wall,
                 ..verdict
             };
         }
@@ -225,7 +326,7 @@ pub fn fault(answer: &RayAnswer, verdict: &Verdict<'_>, size: [u32; 2]) -> Optio
     if answer.normal.as_dvec3().normalize_or_zero().dot(normal.normalize()).abs() < 0.99 {
         return Some("normal");
     }
-    if answer.kind == SKIRT {
+    if answer.kind == SKIRT && !verdict.between {
         let near = (0..3).min_by(|a, b| triangle.depths[*a].total_cmp(&triangle.depths[*b])).unwrap();
         let [i, j] = triangle.texels[near];
         let v = ((j as f64 + 0.5) / f64::from(size[1])).clamp(0.0, 1.0);

@@ -190,6 +190,21 @@ fn growing(at: Vec3) -> Object {
     Object { clip: Some(0), ..still }
 }
 
+/// A dim room that a bulb lights, 1.1 m from the capture point.
+fn room_with_a_bulb() -> PanoramaFrame {
+    let towards = vec3(0.3, 0.15, -0.9).normalize();
+    let bulb = |d: Vec3| d.dot(towards) > 0.998;
+    let dim = |d: Vec3| Vec3::splat(0.05) + 0.02 * colourful(d);
+    let mut frame =
+        room([128, 64], vec3(4.0, 3.0, 5.0), Vec3::ZERO, |d| if bulb(d) { 40.0 * Vec3::ONE } else { dim(d) });
+    for k in 0..128 * 64 {
+        if bulb(iprt::panorama::mapping::texel_direction(k % 128, k / 128, [128, 64]).as_vec3()) {
+            frame.depth[k as usize] = 1.1;
+        }
+    }
+    frame
+}
+
 #[test]
 fn in_scenes_made_for_it_the_plan_is_right() {
     validated(|gpu| {
@@ -213,6 +228,7 @@ fn in_scenes_made_for_it_the_plan_is_right() {
             Part::OffCentre,
             Part::Video,
             Part::RadiancePyramid,
+            Part::FreeLamps,
             Part::Emission,
             Part::Textures,
             Part::Alpha,
@@ -242,6 +258,9 @@ fn in_scenes_made_for_it_the_plan_is_right() {
             ],
             &[Part::OffCentre, Part::Specular, Part::LightTable],
         );
+
+        let bulb = scene(room_with_a_bulb(), look.clone(), vec![ball(0.3, lambert(0.6), hovering)]);
+        run(Case::new("a bulb", bulb, &still), false, &[], &[Part::FreeLamps]);
 
         let fine = room([512, 256], vec3(4.0, 3.0, 5.0), Vec3::ZERO, |d| {
             Vec3::splat(0.5 + 0.4 * (150.0 * d.x).sin() * (140.0 * d.y).sin())

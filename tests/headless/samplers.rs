@@ -300,7 +300,13 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
     let size = CELLS; // of colour: a texel a cell
     let to_panorama = glam::Quat::from_rotation_y(-yaw_degrees.to_radians());
     let frame = room(size, HIGH - LOW, 0.5 * (LOW + HIGH), |d| glow(to_panorama.inverse() * d));
-    let needs = Needs { color_levels: 1, geometry: Err(Part::Objects), boxes: Err(Part::Objects), lights: Ok(()) };
+    let needs = Needs {
+        color_levels: 1,
+        geometry: Err(Part::Objects),
+        boxes: Err(Part::Objects),
+        lights: Ok(()),
+        free_lamps: false,
+    };
     let panorama = Panorama::new(gpu, size, size, yaw_degrees, needs).expect("fits");
     let mut upload = gpu.frame().expect("records");
     panorama.upload(&mut upload, &frame).expect("fits");
@@ -317,7 +323,7 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
     let mut view = Resources::default();
     view.add("view", Resource::Buffer(data.clone()));
     let mut recorded = gpu.frame().expect("a frame");
-    LightTable::new(gpu, settings).expect("builds").record(&mut recorded, &panorama, &view).expect("records");
+    LightTable::new(gpu, settings, false).expect("builds").record(&mut recorded, &panorama, &view).expect("records");
     recorded.run().expect("runs");
     let find = |resources: &Resources, name: &str| match resources.0.iter().find(|(n, _)| *n == name) {
         Some((_, Resource::Buffer(buffer))) => Bind::from(buffer),

@@ -108,8 +108,9 @@ fn agree(gpu: &Gpu, name: &str, frame: &PanoramaFrame, count: usize) {
     let rays = rays(frame, count);
     let oracle = Oracle::new(frame);
     let crossings: Vec<_> = rays.par_iter().map(|ray| oracle.crossings(ray)).collect();
-    for thickness in ["0.3", "0", "inf"] {
-        let settings = settings(thickness);
+    for (thickness, edges) in [("0.3", false), ("0", false), ("inf", false), ("0.3", true)] {
+        let mut settings = settings(thickness);
+        settings.edge_depth = edges;
         let tracer = RayTracer::new(gpu, frame, YAW, &settings, Tracer::FarSides).unwrap();
         let set = tracer.rays(&rays).unwrap();
         tracer.trace(&set).unwrap();
@@ -134,11 +135,11 @@ fn agree(gpu: &Gpu, name: &str, frame: &PanoramaFrame, count: usize) {
             }
         }
         println!(
-            "{name}, thickness {thickness}: free, surface, skirt {kinds:?}, unknown {unknown}, counted apart {apart:?}"
+            "{name}, thickness {thickness}, edge_depth {edges}: free, surface, skirt {kinds:?}, unknown {unknown}, counted apart {apart:?}"
         );
         assert!(
             wrong.is_empty(),
-            "{name}, thickness {thickness}: {} wrong\n{}",
+            "{name}, thickness {thickness}, edge_depth {edges}: {} wrong\n{}",
             wrong.len(),
             wrong[..wrong.len().min(12)].join("\n")
         );

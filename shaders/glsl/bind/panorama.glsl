@@ -1,6 +1,6 @@
 // The panorama, and what is derived from it once per video frame (passes/panorama.rs).
 
-// Radiance: level 0, and all mip levels.
+// Radiance: level 0, and all mip levels. w of level 0: by what factor it shines more than it shows.
 layout(set = 0, binding = 1, rgba32f) uniform readonly image2D in_panorama_radiance;
 layout(set = 0, binding = 2) uniform sampler2D panorama_levels;
 // Radial depth, metres; 0 is a hole. Texel row j is row j + 1; the first and the last row hold the poles.
@@ -20,3 +20,21 @@ layout(set = 0, binding = 11, rgba32ui) uniform uimage2D pyramid;
 // The light table: see light.glsl.
 layout(set = 0, binding = 12, scalar) readonly buffer LightsRead { float share; float total; float changed; float value[]; } in_lights;
 layout(set = 0, binding = 13, scalar) buffer LightsWritten { float share; float total; float changed; float value[]; } lights;
+// The lamps that hang free: see lamps.glsl (`FreeLamp` in passes/free_lamps.rs).
+struct FreeLamp {
+    vec3 center;
+    float luminance;
+    vec3 axis_x;
+    vec3 axis_y;
+    vec3 axis_z;
+    vec3 unit_x;
+    vec3 unit_y;
+    vec3 unit_z;
+    float volume;
+    vec3 radiance;
+    vec3 around;    // what surrounds it in the capture
+    vec3 direction; // of the cone in which the capture shows it
+    vec3 across_x;
+    vec3 across_y;
+};
+layout(set = 0, binding = 15, scalar) readonly buffer Lamps { uint count; FreeLamp lamp[]; } in_lamps;

@@ -20,6 +20,8 @@ struct View {
     float yaw;
     float edge_ratio;
     float thickness;
+    float skirt_luminance;   // of a skirt at most
+    uint edge_depth;         // 1: skirts are as deep as edges.glsl says
     uint pyramid_levels;
     uvec2 pyramid_size;
     uint pyramid_area;

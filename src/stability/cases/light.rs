@@ -135,6 +135,7 @@ fn saturated_capture(run: &Run) -> Result<Outcome> {
     let film = Film {
         spoil: Some(Box::new(|_, frame| {
             frame.radiance.iter_mut().for_each(|texel| *texel = texel.map(|value| value.min(1.0)));
+            frame.white = Some(1.0);
         })),
         ..Film::still(run.size(), 16, || World {
             lamp: Some(Lamp { at: vec2(0.4, -1.4), half: 0.3, radiance: Vec3::splat(12.0) }),

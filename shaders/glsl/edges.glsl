@@ -1,0 +1,26 @@
+// How deep the thing is whose edge hides what lies behind it. A skirt hangs from that edge. The capture shows
+// how wide the thing is, and a post is as deep as it is wide. What is wider than WALL is a wall: what lies
+// behind its edge was never seen, and no ray goes through it.
+//
+// The last four bits of a depth hold this as a class: two classes double it, the last one is endless. They move
+// a depth by a millionth of itself.
+
+const float WALL = 2.0; // metres
+
+uint edge_class(float metres) {
+    // From 1/64 m on, rounded down: 1, 1.5, 2, 3, 4, ... times that.
+    return metres >= WALL ? 15u : (floatBitsToUint(max(metres, 0.0157)) - 0x3c800000u) >> 22u;
+}
+
+const uint EDGE_AT_POLE = 8u; // 1/4 m: a pole has no width of its own
+
+float with_edge_class(float depth, uint bits) {
+    return in_view.view.edge_depth != 0u && depth > 0.0 ? uintBitsToFloat((floatBitsToUint(depth) & ~15u) | bits) : depth;
+}
+
+// Returns how far from the centre a skirt with this nearest depth can be hit.
+float skirt_reach(float near) {
+    uint bits = floatBitsToUint(near) & 15u;
+    float deep = bits == 15u ? FAR : uintBitsToFloat(0x3c800000u + (bits << 22u));
+    return near + (in_view.view.edge_depth != 0u ? deep : in_view.view.thickness);
+}
