@@ -22,7 +22,7 @@ layout(constant_id = 13) const uint FIRST = 1; // 1: the first level, of step 1
 
 layout(constant_id = 31) const uint BRIEF = 0;  // 1: the first level reads an image with a history
 layout(constant_id = 33) const uint LAST = 1;   // 1: the last level, whose result is rounded by chance, so that it has no steps
-layout(constant_id = 30) const uint RESTS = 0; // 1: the last level, which says how noisy a tile of real surfaces is
+layout(constant_id = 36) const uint RESTS = 0; // 1: the last level, which says how noisy a tile of real surfaces is
 
 layout(push_constant, scalar) uniform Push {
     int step_size;

@@ -24,7 +24,7 @@ layout(push_constant, scalar) uniform Push {
     float history_change;
     float rest_noise; // of the light
 } push;
-layout(constant_id = 30) const uint RESTS = 0; // 1: atrous tells how noisy a tile is
+layout(constant_id = 36) const uint RESTS = 0; // 1: atrous tells how noisy a tile is
 
 // Points of the panorama's lamps, drawn in proportion to what they send.
 const uint LAMPS = 16u;
