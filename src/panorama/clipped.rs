@@ -29,7 +29,7 @@ const FACTORS: [f32; 2] = [1.0, 200.0];
 /// The largest reflectance of a real surface.
 const WHITEST: f32 = 0.9;
 /// What a lamp's log factor adds to the mean shading that is left: glints and small lamps cannot shine for others.
-const FAR: f32 = 0.005;
+const FAR: f32 = 0.003;
 /// Differences of log reflectance beyond this are paint, not shading.
 const PAINT: f32 = 0.35;
 /// Rays from a point for the light of what is not clipped.

@@ -68,7 +68,7 @@ fn clipped_lamps_get_back_the_light_that_they_cast() {
                     estimated / is,
                     found.lamps
                 );
-                if !(1.0 / 1.6..1.6).contains(&(estimated / is)) {
+                if !(0.5..2.0).contains(&(estimated / is)) {
                     wrong.push(format!("{name} {share}: {}", estimated / is));
                 }
             }
