@@ -326,7 +326,7 @@ fn hostile_files_are_refused() {
         (triangle("data:text/plain,hello", r#""count":3"#, ""), "says it has 36 bytes"),
         (triangle("data:application/octet-stream;base64,AAAA", r#""count":3"#, ""), "says it has 36 bytes"),
         (triangle(TRIANGLE, r#""count":4"#, ""), "beyond its buffer view"),
-        (triangle(TRIANGLE, r#""count":18446744073709551615"#, ""), "beyond its buffer view"),
+        (triangle(TRIANGLE, r#""count":18446744073709551615"#, ""), "would take"),
         (triangle(TRIANGLE, r#""count":3,"byteOffset":18446744073709551615"#, ""), "beyond its buffer view"),
         (triangle(TRIANGLE, r#""count":3"#, r#","indices":0"#), "whole numbers"),
         (
