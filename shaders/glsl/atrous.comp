@@ -27,6 +27,7 @@ layout(constant_id = 36) const uint RESTS = 0; // 1: the last level, which says 
 layout(push_constant, scalar) uniform Push {
     int step_size;
     float sigma_luminance; // FAR: luminance is ignored
+    float unseen; // the share of its light by which a real surface may differ unseen
 } push;
 
 const float KERNEL[2][3] = float[2][3](float[3](0.5, 0.25, 0.0), float[3](0.375, 0.25, 0.0625));
@@ -78,8 +79,8 @@ void main() {
     vec2 inverse = vec2(0.0);
     if (push.sigma_luminance < FAR && FAULT != FAULT_FILTER_BLIND) {
         vec2 deviation = FIRST != 0u && RAW == 0u ? smooth_deviation(p) : light.deviation;
-        // A change of 3 % of the light may be smoothed away, however well it is known, so that no grain is kept.
-        vec2 unseen = vec2(LAYER == REAL ? 0.03 * luma.x * in_view.view.light_units.y / in_view.view.light_units.x : 0.0);
+        // What nobody sees may be smoothed away, however well it is known, so that no grain is kept.
+        vec2 unseen = vec2(LAYER == REAL ? push.unseen * luma.x * in_view.view.light_units.y / in_view.view.light_units.x : 0.0);
         inverse = measure ? vec2(0.0) : 1.0 / (push.sigma_luminance * deviation + unseen + 1e-6);
     }
 

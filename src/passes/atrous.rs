@@ -15,8 +15,11 @@ use crate::{
 
 gpu_struct! {
     /// Push constants of `atrous.comp`.
-    pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32 }
+    pub struct AtrousPush { pub step_size: i32, pub sigma_luminance: f32, pub unseen: f32 }
 }
+
+/// A share of its light by which a real surface may differ without being seen to, in the picture.
+const UNSEEN: f32 = 0.03;
 
 /// The pass, with pipelines for each layer.
 pub struct Atrous {
@@ -39,7 +42,7 @@ impl Atrous {
                     ("FIRST", u32::from(first)),
                     ("BRIEF", u32::from(first && plan.history_in_brief())),
                     ("LAST", u32::from(last)),
-                    ("RESTS", u32::from(last && *layer == REAL && tells_noise(settings))),
+                    ("RESTS", u32::from(last && *layer == REAL && tells_noise(settings, role))),
                     role.projection(plan),
                 ];
                 Kernel::new::<AtrousPush>(gpu, "atrous", shaders::ATROUS, &constants)
@@ -71,7 +74,9 @@ impl Atrous {
         };
         let image = |level| view.image(Self::name(level, settings));
         let special = [("in_light", Bind::from(image(level)?)), ("out_light", Bind::from(image(level + 1)?))];
-        let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance };
+        // The map is seen in mirrors, and so coarse that all it has is seen.
+        let unseen = if view.role == Role::Picture { UNSEEN } else { 0.0 };
+        let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance, unseen };
         (0..).zip(kernels).try_for_each(|(layer, kernel)| {
             frame.barrier(LAYERS_FOLLOW);
             kernel.dispatch(frame, &special, &[&view.resources], &push, view.tiles(layer))
@@ -102,9 +107,13 @@ impl Atrous {
     }
 }
 
-/// Whether the last level says how noisy each tile of real surfaces is, so that tiles may rest.
-pub fn tells_noise(settings: &Settings) -> bool {
-    settings.rest_noise > 0.0 && settings.atrous_levels > 0 && settings.filter_order == FilterOrder::TemporalFirst
+/// Whether the last level says how noisy each tile of real surfaces is, so that tiles may rest. Those of the relit map
+/// cost little, and mirrors show them.
+pub fn tells_noise(settings: &Settings, role: Role) -> bool {
+    role == Role::Picture
+        && settings.rest_noise > 0.0
+        && settings.atrous_levels > 0
+        && settings.filter_order == FilterOrder::TemporalFirst
 }
 
 /// Whether the filter reads this frame's irradiance: it comes before `temporal`, or nothing is accumulated.

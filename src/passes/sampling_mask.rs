@@ -70,7 +70,7 @@ impl SamplingMask {
             }
         }
         let turns_after = turns.then_some(settings.short_history);
-        let rests = ("RESTS", u32::from(super::atrous::tells_noise(settings)));
+        let rests = ("RESTS", u32::from(super::atrous::tells_noise(settings, role)));
         let constants =
             [plan.constant(Part::LightTable), plan.constant(Part::FreeLamps), plan.constant(Part::Motion), rests];
         let tiles = Kernel::new::<TilesPush>(gpu, "tiles", shaders::TILES, &constants)?;

@@ -54,7 +54,10 @@ impl Temporal {
                 ("CLAMP", u32::from(clamp)),
                 ("LATTICE", u32::from(lattice)),
                 ("BRIEF", u32::from(plan.history_in_brief())),
-                ("INPUT_BRIEF", u32::from(settings.filter_order == FilterOrder::SpatialFirst && settings.atrous_levels > 0)),
+                (
+                    "INPUT_BRIEF",
+                    u32::from(settings.filter_order == FilterOrder::SpatialFirst && settings.atrous_levels > 0),
+                ),
                 ("FILTERED", u32::from(settings.filter_order == FilterOrder::SpatialFirst)),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Motion),

@@ -219,7 +219,17 @@ struct Declared {
 
 impl Declared {
     const fn new(name: &'static str, format: Format, holds: Holds, parts: &'static [Part]) -> Self {
-        Self { name, format, holds, history: History::Never, unless_brief: false, parts, levels: 0, of_picture: false, packed: false }
+        Self {
+            name,
+            format,
+            holds,
+            history: History::Never,
+            unless_brief: false,
+            parts,
+            levels: 0,
+            of_picture: false,
+            packed: false,
+        }
     }
 
     const fn with_history(self) -> Self {
@@ -423,7 +433,11 @@ impl View {
     pub fn steady_frames(&self, layer: u32, shown: &Shown) -> u32 {
         let Kept { shown: known, steady, .. } = &self.kept[layer as usize];
         let same = |known: &Shown| known.viewpoint == shown.viewpoint && known.objects == shown.objects;
-        if self.history_reset.is_none() && known.as_ref().is_some_and(|(known, _)| same(known)) { steady + 1 } else { 0 }
+        if self.history_reset.is_none() && known.as_ref().is_some_and(|(known, _)| same(known)) {
+            steady + 1
+        } else {
+            0
+        }
     }
 
     /// What stands still since the last frame.

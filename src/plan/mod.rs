@@ -325,10 +325,7 @@ impl Plan {
     pub fn history_in_brief(&self) -> bool {
         const LONGEST: u32 = 256;
         let Settings { filter_order, atrous_levels, history, .. } = self.settings;
-        self.on(Part::Temporal)
-            && filter_order == FilterOrder::TemporalFirst
-            && atrous_levels > 0
-            && history <= LONGEST
+        self.on(Part::Temporal) && filter_order == FilterOrder::TemporalFirst && atrous_levels > 0 && history <= LONGEST
     }
 
     /// The constant that says whether the result of the filters is in brief.
