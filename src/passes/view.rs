@@ -366,10 +366,11 @@ impl View {
                 None => resources.add(name, Resource::Image(image()?)),
             }
             // A pixel may be shown before it is filtered, if its tile rests when the video shows a surface there.
-            if declared.packed && plan.on(Part::Video) {
-                if let Some(image) = resources.image(name) {
-                    unknown(gpu, image, size, layers)?;
-                }
+            if declared.packed
+                && plan.on(Part::Video)
+                && let Some(image) = resources.image(name)
+            {
+                unknown(gpu, image, size, layers)?;
             }
         }
         let [list, tiles, aimed] = list_bytes(plan, role, size);
