@@ -365,9 +365,9 @@ impl View {
                 Some(part) => resources.leave_out(gpu, name, format, part)?,
                 None => resources.add(name, Resource::Image(image()?)),
             }
-            // A pixel may be shown before it is filtered, if its tile rests when the video shows a surface there.
+            // A pixel may be read before it is written: its tile rests when the video shows a surface there.
             if declared.packed
-                && plan.on(Part::Video)
+                && declared.history == History::Never
                 && let Some(image) = resources.image(name)
             {
                 unknown(gpu, image, size, layers)?;
