@@ -23,7 +23,7 @@ impl Gpu {
     /// Opens a device that can show pictures in windows on `display`.
     ///
     /// # Errors
-    /// Fails as [`Gpu::new`] does, or with [`Error::NoDevice`] if the device cannot draw or present.
+    /// Fails as [`Gpu::new`] does, or with [`crate::Error::NoDevice`] if the device cannot draw or present.
     pub fn for_windows(options: &GpuOptions, display: RawDisplayHandle) -> Result<Self> {
         let extensions = ash_window::enumerate_required_extensions(display).map_err(no_instance)?;
         Self::open(options, Some(extensions))
@@ -83,7 +83,7 @@ impl Screen {
     /// Takes over a window.
     ///
     /// # Errors
-    /// Fails with [`Error::NoDevice`] if the device cannot show anything in it.
+    /// Fails with [`crate::Error::NoDevice`] if the device cannot show anything in it.
     pub fn new(gpu: &Gpu, window: Arc<dyn WindowHandles>) -> Result<Self> {
         let surface = Surface::new(gpu, &window)?;
         let (format, modes) = (surface.format()?, surface.modes()?);

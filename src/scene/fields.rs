@@ -96,7 +96,7 @@ impl<'a> FieldTable<'a> {
         self.complain(key, format!("expected {expected}, found {}", kind(found)), format!("write {key} = {example}"));
     }
 
-    /// Reads a number, integer or float, that single precision [holds](HELD).
+    /// Reads a number, integer or float, that single precision holds.
     pub fn number(&self, key: &str) -> Option<f64> {
         let value = self.value(key)?;
         let number = as_number(value).filter(|number| is_held(*number));
@@ -135,7 +135,7 @@ impl<'a> FieldTable<'a> {
         found
     }
 
-    /// Reads an array of `N` numbers that single precision [holds](HELD).
+    /// Reads an array of `N` numbers that single precision holds.
     pub fn vector<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
         let value = self.value(key)?;
         let held = |numbers: &Vec<f64>| numbers.iter().all(|number| is_held(*number));
@@ -147,7 +147,7 @@ impl<'a> FieldTable<'a> {
         numbers
     }
 
-    /// Reads an array of any number of finite numbers that single precision [holds](HELD).
+    /// Reads an array of any number of finite numbers that single precision holds.
     pub fn numbers(&self, key: &str) -> Option<Vec<f64>> {
         let value = self.value(key)?;
         let numbers = as_numbers(value).filter(|numbers| numbers.iter().all(|number| is_held(*number)));

@@ -156,7 +156,7 @@ fn no_lobe_takes_or_makes_light() {
             // The sheen lobe's albedo is steep towards the horizon, where its table is coarse. What lies under a thin
             // film is scaled by an albedo that knows of the film at normal incidence alone (docs/limits.md).
             let most = match name {
-                "film" => 0.04,
+                "film" => 0.12,
                 name if name.contains("sheen") => 0.03,
                 _ => 0.01,
             };
