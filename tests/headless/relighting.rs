@@ -29,8 +29,12 @@ fn dark_corners_stay_finite_and_keep_their_energy() {
             vec![ball(0.3, shining, vec3(0.2, -0.9, -1.3))],
         );
         for method in [Method::Iprt, Method::Reference, Method::Ibl] {
-            let renderer =
-                rendered(gpu, &scene, RenderOptions { size: SMALL, ..options(method, &[("relight_width", "32")]) }, 8);
+            let renderer = rendered(
+                gpu,
+                &scene,
+                RenderOptions { size: SMALL, ..options(method, &[("relight_width", "32"), ("despeckle", "false")]) },
+                8,
+            );
             let images = ["radiance", "camera_radiance", "irradiance_real", "irradiance_mixed", "real_coverage"];
             let [picture, before, real, mixed, coverage] = images.map(|name| aov(&renderer, name)); // asserts that all is finite
             let mut relit = 0;
