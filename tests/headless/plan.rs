@@ -98,9 +98,17 @@ fn change(size: [u32; 2], a: &Texels, b: &Texels, regions: &[Vec<bool>]) -> (f64
     (largest, steps)
 }
 
-/// Forces each part that the scene decides on the other way, and compares. Renderers are kept, so that pipelines are shared. Returns
-/// the parts found on and off.
-fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
+/// What cases before have shown.
+#[derive(Default)]
+struct Shown {
+    /// Kept, so that pipelines are shared.
+    renderers: Vec<Renderer>,
+    /// Parts that were off and not seen. Forcing them on costs minutes of compiling, so it is done once.
+    off: Vec<Part>,
+}
+
+/// Forces each part that the scene decides on the other way, and compares. Returns the parts found on and off.
+fn prove(gpu: &Gpu, case: &Case, shown: &mut Shown) -> [Vec<Part>; 2] {
     let base = case.render(gpu, case.plan());
     let plan = base.renderer.plan().clone();
     println!("{}\n{}", case.name, plan.table().expect("a table"));
@@ -114,6 +122,10 @@ fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
     let wanted = |part| case.only.as_ref().is_none_or(|only| only.contains(&part));
     for decision in plan.parts.iter().filter(|decision| decision.by == By::Scene && wanted(decision.part)) {
         let (name, part) = (decision.part.name(), decision.part);
+        if !decision.on && shown.off.contains(&part) {
+            found[1].push(part);
+            continue;
+        }
         let other = case.render(gpu, plan.flipped(decision).expect("a setting"));
         let (flip, steps) = change(case.options.size, &base.picture, &other.picture, &regions);
         let dispatched = |r: &Rendered| r.first.entries.iter().filter(|entry| entry.pass() != "upload").count();
@@ -127,8 +139,11 @@ fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
             other.bytes
         );
         let case = case.name;
+        // In a video, lamps may hang free in any frame.
+        let may_come = part == Part::FreeLamps && case.scene.panorama.frame_count() > 1;
+        let case = case.name;
         if decision.on {
-            assert!(flip > SEEN.0, "{case}: {name} is on, but nobody sees it missing: FLIP {flip}");
+            assert!(flip > SEEN.0 || may_come, "{case}: {name} is on, but nobody sees it missing: FLIP {flip}");
             found[0].push(part);
         } else {
             // a single code is rounding, as of light that is kept in brief
@@ -146,17 +161,18 @@ fn prove(gpu: &Gpu, case: &Case, kept: &mut Vec<Renderer>) -> [Vec<Part>; 2] {
             let more = dispatched(&other) > dispatched(&base) || other.bytes > base.bytes || code(&other) > code(&base);
             assert!(more, "{case}: {name} is off, but would cost nothing");
             found[1].push(part);
+            shown.off.push(part);
         }
-        kept.push(other.renderer);
+        shown.renderers.push(other.renderer);
     }
-    kept.push(base.renderer);
+    shown.renderers.push(base.renderer);
     found
 }
 
 #[test]
 fn in_the_built_in_rooms_the_plan_is_right() {
     validated(|gpu| {
-        let mut kept = vec![];
+        let mut shown = Shown::default();
         for name in NAMES {
             let mut room = by_name(name).expect("a built-in room");
             let size = [128, 64];
@@ -169,7 +185,7 @@ fn in_the_built_in_rooms_the_plan_is_right() {
             let scene = Scene::assemble(name, panorama, camera, objects, RenderSettings::default()).expect("packs");
             let mut case = Case::new(name, scene, &[0.0, 0.2, 0.4, 0.6, 0.8, 1.0]);
             case.options.size = [96, 54];
-            let [on, off] = prove(gpu, &case, &mut kept);
+            let [on, off] = prove(gpu, &case, &mut shown);
             assert!(on.len() >= 10 && !off.is_empty(), "{name}: {on:?} {off:?}");
         }
     });
@@ -219,10 +235,10 @@ fn in_scenes_made_for_it_the_plan_is_right() {
         let look = camera(Vec3::ZERO, vec3(0.1, -0.8, -1.5), 50.0);
         let hovering = vec3(0.1, -1.12, -1.4);
         let still = [0.0; 6]; // longer than short_history
-        let mut kept = vec![];
+        let mut shown = Shown::default();
         let mut run = |mut case: Case, whole: bool, off: &[Part], on: &[Part]| {
             case.only = (!whole).then(|| [off, on].concat());
-            let [is_on, is_off] = prove(gpu, &case, &mut kept);
+            let [is_on, is_off] = prove(gpu, &case, &mut shown);
             for part in off {
                 assert!(is_off.contains(part), "{}: {part:?} is not off by the scene", case.name);
             }
