@@ -3,7 +3,7 @@
 
 use super::{
     encode::{Codec, Container, Encoder, Encoding},
-    planes::{Part, Planes},
+    planes::Part,
     probe::VideoInfo,
     spherical::{self, Views},
     tool,
@@ -66,10 +66,7 @@ impl Encoding {
         };
         let shown: Vec<[f32; 3]> = shot.texels.par_iter().map(shown).collect();
         match &shot.source {
-            Some(SourceCodes { info, bytes, part }) => {
-                let planes = Planes { size: info.size, format: info.format, tags: &info.tags, bytes };
-                self.packer.pack(&shown, Some((&planes, *part)))
-            }
+            Some(SourceCodes { info, bytes, part }) => self.packer.pack(&shown, Some((&info.planes(bytes), *part))),
             None => self.packer.pack(&shown, None),
         }
     }
