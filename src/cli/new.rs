@@ -8,6 +8,7 @@ use crate::{
         cloud::Cloud,
         depth::{DepthEncoding, box_depth},
         guess::{self, Guess},
+        packing::packed_codes,
         room::level,
         source::PanoramaFrame,
         stream::first_picture,
@@ -119,7 +120,7 @@ fn own_depth(args: &Args) -> Result<Depth> {
         [w, h] if w == 4 * h => "left-right",
         _ => return Ok(Depth::Box),
     };
-    let codes = crate::panorama::source::packed_codes(image, packing == "left-right", &subject)?;
+    let codes = packed_codes(image, packing == "left-right", &subject)?;
     Ok(Depth::Packed(packing, guess::rule(&codes, args.height)))
 }
 
@@ -138,7 +139,7 @@ fn scene_text(args: &Args, depth: &Depth, models: &[&PathBuf]) -> Result<String>
         }
         Depth::Packed(packing, guess) => {
             let image = first_picture(&args.panorama)?;
-            let codes = crate::panorama::source::packed_codes(image, *packing == "left-right", "depth")?;
+            let codes = packed_codes(image, *packing == "left-right", "depth")?;
             let depth = guess.rule.metres(&codes.codes, codes.size);
             Some(Cloud::of(&PanoramaFrame { depth_size: codes.size, depth, ..Default::default() }, 0.0))
         }
