@@ -2,7 +2,7 @@
 
 use crate::{
     Error, Result,
-    image_file::write::write_bytes,
+    image_file::write::{folder_of, write_bytes},
     inspect::Report,
     panorama::{
         cloud::Cloud,
@@ -125,7 +125,7 @@ fn own_depth(args: &Args) -> Result<Depth> {
 }
 
 fn scene_text(args: &Args, depth: &Depth, models: &[&PathBuf]) -> Result<String> {
-    let folder = args.output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(&args.output);
     let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let quoted = |path: &Path| {
         let near = pathdiff::diff_paths(absolute(path), absolute(folder)).unwrap_or_else(|| absolute(path));

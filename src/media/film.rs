@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    image_file::write::{make_folder, write_bytes},
+    image_file::write::{folder_of, make_folder, write_bytes},
     temporary::Temporary,
 };
 use glam::Vec3;
@@ -176,7 +176,7 @@ impl Film {
         }
         let list_file = self.folder.join("list");
         write_bytes(&list_file, list.as_bytes())?;
-        let parent = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let parent = folder_of(&self.path);
         let unwritable = |error: &std::io::Error| {
             Error::input(self.path.display(), format!("cannot be written: {}", error.kind()), "give a writable folder")
         };

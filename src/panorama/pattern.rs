@@ -1,6 +1,6 @@
 //! Names of image sequences, as `%d`, `%04d` or `####`, and their numbers.
 
-use crate::{Error, Result};
+use crate::{Error, Result, image_file::write::folder_of};
 use std::path::{Path, PathBuf};
 
 /// A file name that holds a frame number, or the name of a single file.
@@ -84,7 +84,7 @@ impl Pattern {
     /// Fails if the folder cannot be read.
     pub fn existing(&self) -> Result<Vec<u32>> {
         let path = PathBuf::from(format!("{}%{}", self.before, self.after));
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(&path);
         let prefix = self.before.rsplit(['/', std::path::MAIN_SEPARATOR]).next().unwrap_or_default();
         let entries = std::fs::read_dir(folder)
             .map_err(|error| Error::input(folder.display(), error, "check the folder's name and permissions"))?;
