@@ -93,8 +93,8 @@
 //!    [`passes::panorama::Panorama::new`].
 //! 4. Add a row to [`passes::PASSES`]. If a scene can do without the pass, add a row to [`plan::part`] and a
 //!    criterion to `Plan::needed`.
-//! 5. Add a field to [`renderer::Renderer`], a line to its frame, and a [`gpu::Frame::barrier`] that says
-//!    what it separates.
+//! 5. Add a field to [`renderer::Renderer`], make it in `src/renderer/construction.rs`, and add a line to the
+//!    frame, with a [`gpu::Frame::barrier`] that says what it separates.
 //! 6. Add its settings to [`settings`] and a section to `docs/pipeline.md`. `make docs` writes the tables.
 //!
 //! `tests/headless/adding.rs` makes a pass by steps 1 to 3.

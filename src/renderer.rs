@@ -1,15 +1,18 @@
 //! Records a frame, from top to bottom.
 
 pub mod aov;
+mod construction;
 pub mod cost;
 mod interactive;
 pub mod mattes;
+mod state;
+mod view_data;
 
 #[cfg(feature = "faults")]
 use crate::passes::fault::Fault;
 use crate::{
     Error, Result,
-    gpu::{Format, Frame, FrameOptions, Gpu, Image, Ticket, Timings},
+    gpu::{Frame, FrameOptions, Gpu, Image, Ticket, Timings},
     options::RenderOptions,
     panorama::source::PanoramaFrame,
     passes::{
@@ -17,36 +20,25 @@ use crate::{
         composite::Composite,
         depth_pyramid::DepthPyramid,
         fault::planted,
-        gbuffer::{Gbuffer, Look},
+        gbuffer::Gbuffer,
         interpolate::Interpolate,
         irradiance::Irradiance,
         light_table::LightTable,
         normals::Normals,
-        panorama::{Needs, Panorama},
+        panorama::Panorama,
         radiance_pyramid::RadiancePyramid,
         sampling_mask::SamplingMask,
-        scene::{SceneBuffers, relative_to},
+        scene::SceneBuffers,
         temporal::{Since, Temporal},
         unknown::Unknown,
-        view::{REAL, Role, Shown, VIRTUAL, View, ViewData},
+        view::{REAL, Role, VIRTUAL, View},
     },
-    plan::{Facts, Part, Plan},
-    scene::{
-        Scene,
-        movers::Movers,
-        packed::{Instance, Mover, NONE, PackedInstances, PackedScene},
-        viewpoint::{Projection, Viewpoint},
-    },
-    settings::{ClampWhen, FOREVER, FilterOrder, INFINITE, Settings},
+    plan::Plan,
+    scene::{Scene, movers::Movers},
+    settings::{ClampWhen, FilterOrder, Settings},
 };
-use glam::{Quat, Vec3};
-use std::{
-    collections::VecDeque,
-    sync::{
-        Arc, Weak,
-        atomic::{AtomicU32, Ordering},
-    },
-};
+use state::{FrameState, relight_viewpoint};
+use std::{collections::VecDeque, sync::Weak};
 
 /// The six passes that the plan needs, with what they keep from frame to frame.
 pub struct Renderer {
@@ -97,7 +89,7 @@ pub struct Begun {
     new_video_frame: bool,
 }
 
-/// What uploads are timed under.
+/// The name under which uploads are timed.
 pub const UPLOAD: &str = "upload";
 
 /// How many frames [`Renderer::render_all`] keeps submitted: the one that the device draws, and the next.
@@ -120,140 +112,7 @@ struct Lighting {
     atrous: Option<Atrous>,
 }
 
-/// What is the same for all views of a frame.
-struct FrameState {
-    video_frame: usize,
-    /// The panorama, if this frame is the first to show its video frame.
-    content: Option<Arc<PanoramaFrame>>,
-    /// The instances, relative to the panorama's centre.
-    instances: PackedInstances,
-    /// What does not change of them.
-    packed: Arc<PackedScene>,
-    /// What of them has moved.
-    movers: Vec<Mover>,
-    /// Whether the light of the real scene is another than in the frame before.
-    new_light: bool,
-    /// Whether the relit panorama is made again.
-    relight: bool,
-    viewpoint: Viewpoint,
-    /// The time whose poses are shown, seconds.
-    pose: f32,
-}
-
-impl FrameState {
-    /// What the first pass on a view depends on, for real and for virtual surfaces.
-    fn shown_in(&self, view: &View) -> [Shown; 2] {
-        let viewpoint = (view.role == Role::Picture).then_some(self.viewpoint);
-        let real = Shown { video_frame: self.video_frame, viewpoint, objects: Vec::new() };
-        // What changes its shape is another thing at another time, which its place does not tell.
-        let shape = |instance: &Instance| if instance.previous == NONE { 0.0 } else { self.pose };
-        let row = |instance: &Instance| {
-            let [x, y, z] = instance.object_to_world;
-            [x, y, z, [shape(instance), 0.0, 0.0, 0.0]]
-        };
-        let rows = || self.instances.instances.iter().map(row).collect();
-        let seen = if view.role == Role::Picture { rows() } else { Vec::new() };
-        [real.clone(), Shown { objects: seen, ..real }]
-    }
-}
-
-impl Preparation {
-    fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        Ok(Self {
-            radiance_pyramid: (plan.color_levels() > 1).then(|| RadiancePyramid::new(gpu)).transpose()?,
-            normals: plan.geometry().then(|| Normals::new(gpu)).transpose()?,
-            depth_pyramid: plan.boxes().then(|| DepthPyramid::new(gpu)).transpose()?,
-            light_table: plan
-                .on(Part::LightTable)
-                .then(|| LightTable::new(gpu, &plan.settings, plan.on(Part::FreeLamps)))
-                .transpose()?,
-        })
-    }
-}
-
-impl Lighting {
-    fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
-        Ok(Self {
-            sampling_mask: SamplingMask::new(gpu, plan, role)?,
-            irradiance: Irradiance::new(gpu, plan, role)?,
-            interpolate: plan.on(Part::Interpolate).then(|| Interpolate::new(gpu, plan, role)).transpose()?,
-            temporal: plan.on(Part::Temporal).then(|| Temporal::new(gpu, plan, role)).transpose()?,
-            atrous: plan.on(Part::Atrous).then(|| Atrous::new(gpu, plan, role)).transpose()?,
-        })
-    }
-}
-
 impl Renderer {
-    /// Plans for a scene, builds pipelines and allocates. Renders nothing yet.
-    pub fn new(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> Result<Self> {
-        let plan = Plan::of(scene, &options, None)?;
-        Self::with_plan(gpu, scene, options, plan)
-    }
-
-    /// As [`Renderer::new`], with something done wrong on purpose.
-    #[cfg(feature = "faults")]
-    pub fn with_fault(gpu: &Gpu, scene: &Scene, options: RenderOptions, fault: Fault) -> Result<Self> {
-        let plan = Plan::of(scene, &options, None)?;
-        let mut renderer = Self::with_plan(&fault.inject(gpu), scene, options, plan)?;
-        renderer.fault = fault;
-        Ok(renderer)
-    }
-
-    /// As [`Renderer::new`], with a plan that was made for this scene and these options.
-    pub fn with_plan(gpu: &Gpu, scene: &Scene, options: RenderOptions, plan: Plan) -> Result<Self> {
-        let [width, height] = options.size;
-        if width == 0 || height == 0 || width > 16384 || height > 16384 {
-            return Err(Error::input("size", format!("{width}×{height} pixels"), "both must be from 1 to 16384"));
-        }
-        let settings = &plan.settings;
-        let relight_size = [settings.relight_width, settings.relight_width.div_ceil(2)];
-        let levels = if plan.on(Part::Relight) { settings.relight_levels } else { 0 };
-        let relight = (0..levels)
-            .map(|level| View::new(gpu, &format!("relight {level}"), relight_size, &plan, Role::Relight))
-            .collect::<Result<_>>()?;
-        let look = |role, off_centre| Gbuffer::new(gpu, &plan, Look { role, off_centre });
-        let lighting = |role| Lighting::new(gpu, &plan, role);
-        let none = PackedScene::default();
-        let packed = if plan.on(Part::Objects) { &scene.packed } else { &none };
-        let (color_size, depth_size) = (plan.facts.color_size, plan.facts.depth_size);
-        // drivers take most of a second for the largest pipelines, each on one core
-        let (lighting, others) = rayon::join(
-            || plan.on(Part::Objects).then(|| lighting(Role::Picture)).transpose(),
-            || -> Result<_> {
-                let looked_up = plan.looks_up().then(|| look(Role::Picture, false)).transpose()?;
-                let traced = plan.on(Part::OffCentre).then(|| look(Role::Picture, true)).transpose()?;
-                let relighting = || Ok((look(Role::Relight, false)?, lighting(Role::Relight)?));
-                Ok(([looked_up, traced], plan.on(Part::Relight).then(relighting).transpose()?))
-            },
-        );
-        let (gbuffer, relighting) = others?;
-        Ok(Self {
-            gpu: gpu.clone(),
-            preparation: Some(Preparation::new(gpu, &plan)?),
-            gbuffer,
-            lighting: lighting?,
-            relighting,
-            composite: Composite::new(gpu, &plan)?,
-            panorama: Panorama::new(gpu, color_size, depth_size, scene.panorama.yaw_degrees, Needs::of(&plan))?,
-            scene: SceneBuffers::new(gpu, packed, plan.facts.instances)?,
-            picture: View::new(gpu, "picture", options.size, &plan, Role::Picture)?,
-            relight,
-            nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32u)?,
-            video_frame: None,
-            prepared_content: Weak::new(),
-            previous_time: None,
-            movers: Movers::default(),
-            frame: 0,
-            plan,
-            options,
-            #[cfg(feature = "faults")]
-            fault: Fault::None,
-            spare: Vec::new(),
-            unknown: None,
-            prepared: Timings::default(),
-        })
-    }
-
     /// Renders the scene at a time in seconds, and waits. Motion is measured from the previous call.
     ///
     /// # Errors
@@ -408,13 +267,8 @@ impl Renderer {
     ) -> Result<&'a Image> {
         let settings = &self.plan.settings;
         let history = settings.temporal && view.history_reset.is_none();
-        let clamp = if planted!(self, HistoryKept) {
-            0.0
-        } else if self.shortens(state) || settings.clamp_when == ClampWhen::Always {
-            settings.clamp
-        } else {
-            0.0
-        };
+        let clamps = self.shortens(state) || settings.clamp_when == ClampWhen::Always;
+        let clamp = if clamps && !planted!(self, HistoryKept) { settings.clamp } else { 0.0 };
         let [real, seen] = state.shown_in(view);
         let stands = [view.stands(REAL, &real), view.stands(VIRTUAL, &seen)];
         let relit = relit.map_or(Ok(&self.nothing), |map| map.image(filtered(settings)))?;
@@ -483,149 +337,6 @@ impl Renderer {
         Ok(())
     }
 
-    /// Loads what is shown at this time, and finds out what has moved.
-    fn advance(&mut self, scene: &Scene, time: f64, wishes: &Wishes) -> Result<FrameState> {
-        let video_frame = if self.plan.on(Part::Video) { scene.panorama.frame_at(time) } else { 0 };
-        let mut content = match self.video_frame {
-            Some(known) if known == video_frame => None,
-            _ => Some(self.video_frame(scene, video_frame)?),
-        };
-        // Equal frames are one: their pixels are there already, and so is what was made of them.
-        let known = content.as_ref().is_some_and(|content| Arc::downgrade(content).ptr_eq(&self.prepared_content));
-        let video_frame = match self.video_frame {
-            Some(same) if known => {
-                content = None;
-                same
-            }
-            _ => video_frame,
-        };
-        let new_video_frame = content.is_some();
-        let mut state = scene.at(time, self.previous_time.unwrap_or(time));
-        if self.options.without_objects || !self.plan.on(Part::Objects) {
-            state.instances = PackedInstances::default();
-        }
-        if !self.plan.on(Part::Deformation) {
-            state.instances.patches.clear();
-            state.instances.instances.iter_mut().for_each(|instance| (instance.previous, instance.step) = (NONE, 0.0));
-        }
-        let (centre, unit) = (scene.panorama.position, self.plan.facts.luminance);
-        let mut movers = self.movers.advance(&scene.packed, &mut state.instances.instances, centre, unit);
-        if !self.plan.on(Part::Motion) || planted!(self, HistoryKept) {
-            movers.clear();
-        }
-        let new_light = new_video_frame && self.video_frame.is_some() && self.plan.on(Part::Motion);
-        let viewpoint = viewpoint(&self.options, scene, &state.camera);
-        let instances = relative_to(centre, state.instances);
-        let relight = !wishes.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
-        let pose = time as f32;
-        let packed = scene.packed.clone();
-        let state = FrameState { video_frame, content, instances, packed, movers, new_light, relight, viewpoint, pose };
-        let maps = if relight { &mut self.relight[..] } else { &mut [] };
-        for view in std::iter::once(&mut self.picture).chain(maps) {
-            view.begin_frame(&state.shown_in(view));
-            if let Some(reason) = view.history_reset {
-                tracing::debug!("history is reset: {reason}");
-            }
-        }
-        Ok(state)
-    }
-
-    fn video_frame(&self, scene: &Scene, number: usize) -> Result<Arc<PanoramaFrame>> {
-        let mut content = scene.panorama.load(number)?;
-        if planted!(self, DepthStale) {
-            Arc::make_mut(&mut content).depth = scene.panorama.load(0)?.depth.clone();
-        }
-        if content.color_size != self.panorama.color_size || content.depth_size != self.panorama.depth_size {
-            let problem = format!("frame {number} has another size than the first");
-            return Err(Error::input("panorama", problem, "all frames of a video must have one size"));
-        }
-        Ok(content)
-    }
-
-    fn end_frame(&mut self, state: &FrameState, time: f64) {
-        self.picture.end_frame(state.viewpoint, state.shown_in(&self.picture));
-        for view in self.relight.iter_mut().filter(|_| state.relight) {
-            view.end_frame(relight_viewpoint(self.panorama.yaw_degrees), state.shown_in(view));
-        }
-        // set only now, so that a failed frame leaves the panorama unprepared
-        self.video_frame = Some(state.video_frame);
-        if let Some(content) = &state.content {
-            self.prepared_content = Arc::downgrade(content);
-        }
-        if !self.plan.on(Part::Video) && self.preparation.take().is_some() {
-            self.panorama.settle();
-        }
-        self.previous_time = Some(time);
-        self.frame += 1;
-    }
-
-    fn upload_views(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
-        let relight = relight_viewpoint(self.panorama.yaw_degrees);
-        for (level, view) in (0..).zip(&self.relight) {
-            let data = self.view_data(view, relight, level > 0, level + 1, state);
-            frame.write_buffer(&view.data, 0, &[data])?;
-        }
-        let data = self.view_data(&self.picture, state.viewpoint, !self.relight.is_empty(), 0, state);
-        frame.write_buffer(&self.picture.data, 0, &[data])
-    }
-
-    /// The data that every pass on a view reads. `relit` says whether its rays see a relit map,
-    /// and `stream` chooses its random numbers.
-    fn view_data(&self, view: &View, viewpoint: Viewpoint, relit: bool, stream: u32, state: &FrameState) -> ViewData {
-        let settings = &self.plan.settings;
-        let mut data = ViewData {
-            size: view.size,
-            frame: self.frame,
-            seed: self.seed().wrapping_add(stream.wrapping_mul(0x9e37_79b9)),
-            edge_ratio: settings.edge_ratio,
-            thickness: settings.thickness,
-            edge_depth: u32::from(settings.edge_depth),
-            skirt_luminance: settings.skirt_luminance * self.plan.facts.luminance,
-            instance_count: state.instances.instances.len() as u32,
-            mover_count: state.movers.len() as u32,
-            new_video: u32::from(state.new_light && !planted!(self, HistoryKept)),
-            bounces: settings.bounces,
-            coverage_samples: settings.coverage_samples,
-            rays_per_16: ((settings.rays_per_pixel * 16.0).round() as u32).clamp(1, 16),
-            history_limit: match self.shortens(state) {
-                _ if planted!(self, HistoryKept) => FOREVER,
-                true => settings.history_moving,
-                false => settings.history,
-            },
-            history_limit_real: match state.new_light && self.shortens(state) {
-                _ if planted!(self, HistoryKept) => FOREVER,
-                true => settings.history_moving,
-                false => settings.history,
-            },
-            relit: u32::from(relit),
-            relight_size: self.relight.first().map_or([1, 1], |map| map.size),
-            light_units: self.light_units().into(),
-            ..ViewData::default()
-        };
-        self.panorama.describe(&mut data);
-        data.look(&viewpoint, &view.previous.unwrap_or(viewpoint));
-        view.describe(&mut data, &state.shown_in(view));
-        data
-    }
-
-    /// Whether all histories are shortened in a frame, and not only those whose light changes.
-    fn shortens(&self, state: &FrameState) -> bool {
-        (state.new_light || !state.movers.is_empty()) && self.plan.settings.history_change >= INFINITE
-    }
-
-    /// The factors on light in images, where halves hold it: on E_R, and on
-    /// what objects change or send. Objects may shine so brightly that halves would not hold that.
-    fn light_units(&self) -> [f32; 2] {
-        const MOST: f32 = 1e6; // times the unit and π it is still a half
-        let Facts { luminance, brightest, .. } = self.plan.facts;
-        [unit(luminance), unit(luminance.max(brightest / MOST))]
-    }
-
-    fn seed(&self) -> u32 {
-        static FRAMES: AtomicU32 = AtomicU32::new(0);
-        if planted!(self, UnsteadySeed) { FRAMES.fetch_add(1, Ordering::Relaxed) } else { self.options.seed }
-    }
-
     /// The device on which it renders.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
@@ -650,19 +361,6 @@ impl Renderer {
     pub fn prepared(&self) -> &Timings {
         &self.prepared
     }
-
-    /// Drops the history of the picture and of the relit panorama.
-    pub fn reset_history(&mut self, reason: &'static str) {
-        for view in std::iter::once(&mut self.picture).chain(&mut self.relight) {
-            view.history_reset = Some(reason);
-        }
-    }
-
-    /// Drops only the picture's history. Later frames depend on earlier ones through the relit panorama
-    /// alone.
-    pub fn restart_picture(&mut self) {
-        self.picture.history_reset = Some("another picture is begun");
-    }
 }
 
 /// The name of the image that holds a and b after both filters.
@@ -671,25 +369,4 @@ fn filtered(settings: &Settings) -> &'static str {
         FilterOrder::SpatialFirst if settings.temporal => "accumulated",
         _ => Atrous::result(settings),
     }
-}
-
-/// The power of two that makes a number one between 1/64 and 1/32: halves are exact to a thousandth down to a
-/// 250th of it, and reach four million times as far up, where single paths may be. Of 0 it is 1.
-fn unit(number: f32) -> f32 {
-    if number > 0.0 { (number.log2().floor().clamp(-60.0, 60.0) + 6.0).exp2().recip() } else { 1.0 }
-}
-
-fn viewpoint(options: &RenderOptions, scene: &Scene, camera: &crate::scene::camera::Camera) -> Viewpoint {
-    let position = camera.position - scene.panorama.position;
-    match options.projection {
-        Projection::Perspective => {
-            Viewpoint::perspective(position, camera.rotation, camera.fov_y_degrees, options.size)
-        }
-        Projection::Equirect => Viewpoint::equirect(position, camera.rotation),
-    }
-}
-
-/// The viewpoint of the relit map. Its pixels are the panorama's texels, so it turns with the panorama.
-fn relight_viewpoint(yaw_degrees: f32) -> Viewpoint {
-    Viewpoint::equirect(Vec3::ZERO, Quat::from_rotation_y(yaw_degrees.to_radians()))
 }

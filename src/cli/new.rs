@@ -2,12 +2,13 @@
 
 use crate::{
     Error, Result,
-    image_file::write::write_bytes,
+    image_file::write::{folder_of, write_bytes},
     inspect::Report,
     panorama::{
         cloud::Cloud,
         depth::{DepthEncoding, box_depth},
         guess::{self, Guess},
+        packing::packed_codes,
         room::level,
         source::PanoramaFrame,
         stream::first_picture,
@@ -119,12 +120,12 @@ fn own_depth(args: &Args) -> Result<Depth> {
         [w, h] if w == 4 * h => "left-right",
         _ => return Ok(Depth::Box),
     };
-    let codes = crate::panorama::source::packed_codes(image, packing == "left-right", &subject)?;
+    let codes = packed_codes(image, packing == "left-right", &subject)?;
     Ok(Depth::Packed(packing, guess::rule(&codes, args.height)))
 }
 
 fn scene_text(args: &Args, depth: &Depth, models: &[&PathBuf]) -> Result<String> {
-    let folder = args.output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(&args.output);
     let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let quoted = |path: &Path| {
         let near = pathdiff::diff_paths(absolute(path), absolute(folder)).unwrap_or_else(|| absolute(path));
@@ -138,7 +139,7 @@ fn scene_text(args: &Args, depth: &Depth, models: &[&PathBuf]) -> Result<String>
         }
         Depth::Packed(packing, guess) => {
             let image = first_picture(&args.panorama)?;
-            let codes = crate::panorama::source::packed_codes(image, *packing == "left-right", "depth")?;
+            let codes = packed_codes(image, *packing == "left-right", "depth")?;
             let depth = guess.rule.metres(&codes.codes, codes.size);
             Some(Cloud::of(&PanoramaFrame { depth_size: codes.size, depth, ..Default::default() }, 0.0))
         }

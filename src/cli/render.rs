@@ -9,6 +9,7 @@ use super::{
 };
 use crate::{
     Error, Result,
+    image_file::write::folder_of,
     measure::bench,
     output::FileKind,
     panorama::pattern::Pattern,
@@ -233,7 +234,7 @@ fn job(scene: &Scene, renderer: &Renderer, exposure: f32, spp: u32, warmup: u32,
     let start = scene.panorama.frame_time(0);
     let rendered = crate::reference::cache::hash_rendered(scene, start)?.finalize().to_hex().to_string();
     let described = crate::reference::cache::describe(options);
-    // What moves is looked at now and then.
+    // Camera and objects are looked at in some of the frames.
     let step = (last as usize / 16).max(1);
     let moves: Vec<String> = (0..=last as usize)
         .step_by(step)
@@ -258,7 +259,7 @@ pub fn check_aovs(renderer: &Renderer, aovs: &[String]) -> Result<()> {
 
 /// Fails if the folder of an output does not exist or cannot be written. It is called before rendering, too.
 pub fn require_folder(path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     Temporary::new(folder).map(drop).map_err(|e| {
         Error::input(
             path.display(),

@@ -43,10 +43,6 @@ pub(super) enum Action {
         from: (vk::Buffer, u64),
         to: Destination,
     },
-    CopyImage {
-        from: Image,
-        to: Image,
-    },
     CopyBuffer {
         from: Buffer,
         to: Buffer,
@@ -69,7 +65,6 @@ impl Action {
             Self::Write { to: Destination::Image { image, .. }, .. } => format!("write {}", image.name()),
             Self::Dispatch { pass, .. } => pass.name().to_owned(),
             Self::Fill { buffer, .. } => format!("fill {}", buffer.name()),
-            Self::CopyImage { from, to } => format!("copy {} to {}", from.name(), to.name()),
             Self::CopyBuffer { from, to } => format!("copy {} to {}", from.name(), to.name()),
         }
     }
@@ -87,9 +82,6 @@ impl Action {
             Self::CopyBuffer { from, to } => {
                 vec![(buffer(from), from.name(), Access::Read), (buffer(to), to.name(), Access::Write)]
             }
-            Self::CopyImage { from, to } => (0..from.levels())
-                .flat_map(|l| [(image(from, l), from.name(), Access::Read), (image(to, l), to.name(), Access::Write)])
-                .collect(),
             Self::Dispatch { pass, binds, groups, .. } => {
                 let mut all = Vec::new();
                 for (slot, bind) in pass.0.slots.iter().zip(binds) {

@@ -85,6 +85,14 @@ pub(super) fn during(what: impl Into<String>) -> impl FnOnce(vk::Result) -> Erro
     move |result| Error::Vulkan { during: what.into(), result }
 }
 
+/// The error of a device that cannot do what is asked of it.
+pub(super) fn unfit(device: &str, problem: &str) -> Error {
+    Error::NoDevice {
+        problem: format!("{device}: {problem}"),
+        remedy: "choose another device (see `iprt devices`)".into(),
+    }
+}
+
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -194,10 +202,7 @@ fn open(
     let adapters: Vec<_> = candidates.iter().map(|c| c.adapter.clone()).collect();
     let chosen = candidates.swap_remove(adapter::choose(&adapters, options.device.as_deref())?);
     if windows && !chosen.draws {
-        return Err(Error::NoDevice {
-            problem: format!("{}: it cannot draw, and a window needs that", chosen.adapter.name),
-            remedy: "choose another device (see `iprt devices`)".into(),
-        });
+        return Err(unfit(&chosen.adapter.name, "it cannot draw, and a window needs that"));
     }
     // SAFETY: the chosen device has the features and the queue family that are asked for. On failure, what
     // was made is destroyed in reverse order.
@@ -218,10 +223,9 @@ fn open(
             .enabled_features(&features)
             .push_next(&mut v12)
             .push_next(&mut v13);
-        let device = instance.create_device(chosen.handle, &info, None).map_err(|result| Error::NoDevice {
-            problem: format!("{}: vkCreateDevice: {result:?}", chosen.adapter.name),
-            remedy: "choose another device (see `iprt devices`)".into(),
-        })?;
+        let device = instance
+            .create_device(chosen.handle, &info, None)
+            .map_err(|result| unfit(&chosen.adapter.name, &format!("vkCreateDevice: {result:?}")))?;
         let allocator = memory::Allocator::new(&memory::AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),

@@ -1,4 +1,4 @@
-//! Vulkan command buffers. Only this file records dispatches, transfers and barriers with `vkCmd*`.
+//! Vulkan command buffers: the dispatches, transfers and barriers of a frame, and transfers outside of frames.
 
 use std::{ffi::CString, time::Instant};
 
@@ -52,24 +52,14 @@ pub(super) fn whole_image() -> vk::ImageSubresourceRange {
 /// # Safety
 /// The command buffer is recording, and the image is alive.
 pub(super) unsafe fn to_general(device: &ash::Device, commands: vk::CommandBuffer, image: vk::Image) {
-    let change = [vk::ImageMemoryBarrier2::default()
-        // its memory may have belonged to another image
-        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-        .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
-        .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
-        .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
-        .old_layout(vk::ImageLayout::UNDEFINED)
-        .new_layout(vk::ImageLayout::GENERAL)
-        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .image(image)
-        .subresource_range(whole_image())];
+    let layouts = [vk::ImageLayout::UNDEFINED, vk::ImageLayout::GENERAL];
+    // Its memory may have belonged to another image.
+    let stages = [vk::PipelineStageFlags2::ALL_COMMANDS, vk::PipelineStageFlags2::ALL_TRANSFER];
     // SAFETY: the caller's promise.
-    unsafe { device.cmd_pipeline_barrier2(commands, &vk::DependencyInfo::default().image_memory_barriers(&change)) };
+    unsafe { image_change(device, commands, image, layouts, stages, vk::AccessFlags2::TRANSFER_WRITE) };
 }
 
-#[cfg(feature = "viewer")]
-/// Changes an image's layout. The second stage waits for the first, and sees what it wrote.
+/// Changes an image's layout. The second stage waits for the first, and its accesses see what that wrote.
 ///
 /// # Safety
 /// The command buffer is recording. The image is alive and in the first layout, or its content may be lost.
@@ -79,12 +69,13 @@ pub(super) unsafe fn image_change(
     image: vk::Image,
     [old, new]: [vk::ImageLayout; 2],
     [before, after]: [vk::PipelineStageFlags2; 2],
+    accesses: vk::AccessFlags2,
 ) {
     let change = [vk::ImageMemoryBarrier2::default()
         .src_stage_mask(before)
         .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
         .dst_stage_mask(after)
-        .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
+        .dst_access_mask(accesses)
         .old_layout(old)
         .new_layout(new)
         .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
@@ -200,16 +191,6 @@ fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
             Action::CopyBuffer { from, to } => {
                 let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: from.bytes() };
                 device.cmd_copy_buffer(commands, from.handle(), to.handle(), &[region]);
-            }
-            Action::CopyImage { from, to } => {
-                let region = |level| {
-                    vk::ImageCopy::default()
-                        .src_subresource(from.layers_of(level))
-                        .dst_subresource(to.layers_of(level))
-                        .extent(from.extent(level))
-                };
-                let regions: Vec<_> = (0..from.levels()).map(region).collect();
-                device.cmd_copy_image(commands, from.handle(), general, to.handle(), general, &regions);
             }
             Action::Dispatch { pass, binds, push, groups } => {
                 let pass = &pass.0;

@@ -222,19 +222,6 @@ impl Frame {
         Ok(())
     }
 
-    /// Copies all layers and levels of an image to another of the same shape and format.
-    ///
-    /// # Errors
-    /// Fails with [`Error::Internal`] if their shapes or formats differ.
-    pub fn copy_image(&mut self, from: &Image, to: &Image) -> Result<()> {
-        let shape = |i: &Image| (i.size(), i.layers(), i.levels(), i.format());
-        if shape(from) != shape(to) {
-            return Err(Error::Internal(format!("{from:?} cannot be copied to {to:?}")));
-        }
-        self.record(Action::CopyImage { from: from.clone(), to: to.clone() });
-        Ok(())
-    }
-
     /// Copies all of a buffer to the start of another.
     ///
     /// # Errors

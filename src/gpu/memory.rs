@@ -108,17 +108,8 @@ impl fmt::Debug for Buffer {
 
 impl Drop for BufferData {
     fn drop(&mut self) {
-        let shared = &self.gpu.0;
-        if !shared.may_free() {
-            std::mem::forget(self.allocation.take());
-            return;
-        }
         // SAFETY: frames that use the buffer hold it, and the last holder is gone.
-        unsafe { shared.device.destroy_buffer(self.handle, None) };
-        if let Some(allocation) = self.allocation.take() {
-            shared.live_bytes.fetch_sub(allocation.size(), Ordering::Relaxed);
-            shared.free(allocation);
-        }
+        self.gpu.0.release(self.allocation.take(), |device| unsafe { device.destroy_buffer(self.handle, None) });
     }
 }
 
@@ -213,21 +204,27 @@ impl fmt::Debug for Image {
 
 impl Drop for ImageData {
     fn drop(&mut self) {
-        let shared = &self.gpu.0;
-        if !shared.may_free() {
-            std::mem::forget(self.allocation.take());
+        // SAFETY: frames that use the image hold it, and the last holder is gone. Null views are ignored.
+        self.gpu.0.release(self.allocation.take(), |device| unsafe {
+            for view in self.views.iter().flatten() {
+                device.destroy_image_view(*view, None);
+            }
+            device.destroy_image(self.handle, None);
+        });
+    }
+}
+
+impl Shared {
+    /// Destroys what lies in this memory, and frees that, unless the device may still use it.
+    fn release(&self, memory: Option<memory::Allocation>, destroy: impl FnOnce(&ash::Device)) {
+        if !self.may_free() {
+            std::mem::forget(memory);
             return;
         }
-        // SAFETY: frames that use the image hold it, and the last holder is gone. Null views are ignored.
-        unsafe {
-            for view in self.views.iter().flatten() {
-                shared.device.destroy_image_view(*view, None);
-            }
-            shared.device.destroy_image(self.handle, None);
-        }
-        if let Some(allocation) = self.allocation.take() {
-            shared.live_bytes.fetch_sub(allocation.size(), Ordering::Relaxed);
-            shared.free(allocation);
+        destroy(&self.device);
+        if let Some(memory) = memory {
+            self.live_bytes.fetch_sub(memory.size(), Ordering::Relaxed);
+            self.free(memory);
         }
     }
 }

@@ -272,7 +272,11 @@ impl Screen {
             device.begin_command_buffer(commands, &info).map_err(during("vkBeginCommandBuffer"))?;
             // earlier submissions finished the pictures, and later ones may write them again
             barrier(device, commands, vk::PipelineStageFlags2::ALL_COMMANDS, vk::PipelineStageFlags2::ALL_COMMANDS);
-            image_change(device, commands, target.image, [vk::ImageLayout::UNDEFINED, copied], [drawing, copying]);
+            let change = |layouts, stages| {
+                let accesses = vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE;
+                image_change(device, commands, target.image, layouts, stages, accesses);
+            };
+            change([vk::ImageLayout::UNDEFINED, copied], [drawing, copying]);
             let range = super::encode::whole_image();
             let dark = vk::ClearColorValue { float32: [0.07, 0.07, 0.08, 1.0] };
             device.cmd_clear_color_image(commands, target.image, copied, &dark, &[range]);
@@ -283,7 +287,7 @@ impl Screen {
                 let general = vk::ImageLayout::GENERAL;
                 device.cmd_blit_image(commands, blit.image.handle(), general, target.image, copied, &[region], filter);
             }
-            image_change(device, commands, target.image, [copied, drawn], [copying, drawing]);
+            change([copied, drawn], [copying, drawing]);
             let attachment = [vk::RenderingAttachmentInfo::default()
                 .image_view(target.view)
                 .image_layout(drawn)
@@ -296,7 +300,7 @@ impl Screen {
             result?;
             // the semaphore that says that drawing has finished is signalled after all commands
             let last = vk::PipelineStageFlags2::ALL_COMMANDS;
-            image_change(device, commands, target.image, [drawn, presented], [drawing, last]);
+            change([drawn, presented], [drawing, last]);
             device.end_command_buffer(commands).map_err(during("vkEndCommandBuffer"))
         }
     }

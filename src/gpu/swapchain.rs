@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
-use super::device::{Gpu, during};
+use super::device::{Gpu, during, unfit};
 use crate::{Error, Result};
 
 /// The handles from which a surface is made.
@@ -71,10 +71,7 @@ impl Surface {
         };
         match presents {
             Ok(true) => Ok(surface),
-            Ok(false) => Err(Error::NoDevice {
-                problem: format!("{}: it cannot present to this window", gpu.device_name()),
-                remedy: "choose another device (see `iprt devices`)".into(),
-            }),
+            Ok(false) => Err(unfit(gpu.device_name(), "it cannot present to this window")),
             Err(result) => Err(during("vkGetPhysicalDeviceSurfaceSupportKHR")(result)),
         }
     }
@@ -96,10 +93,11 @@ impl Surface {
         let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM, vk::Format::A8B8G8R8_UNORM_PACK32];
         let fits =
             |f: &&vk::SurfaceFormatKHR| plain.contains(&f.format) && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR;
-        offered.iter().find(fits).copied().ok_or_else(|| Error::NoDevice {
-            problem: format!("{}: the window offers no 8-bit format", self.gpu.device_name()),
-            remedy: "choose another device (see `iprt devices`)".into(),
-        })
+        offered
+            .iter()
+            .find(fits)
+            .copied()
+            .ok_or_else(|| unfit(self.gpu.device_name(), "the window offers no 8-bit format"))
     }
 }
 

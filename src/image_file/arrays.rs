@@ -64,7 +64,7 @@ fn numbers(bytes: &[u8], kind: &str, count: usize) -> std::result::Result<Sample
     if let Some(problem) = budget::refusal((count as u64).saturating_mul(24)) {
         return Err(problem);
     }
-    // What is no letter is no order of bytes.
+    // The first character is the order of bytes. If it is wider than a byte, this is no such type.
     let (order, kind) = kind.split_at_checked(1).unwrap_or(("", kind));
     let size: usize = kind.get(1..).and_then(|size| size.parse().ok()).unwrap_or(0);
     let total = count.checked_mul(size).filter(|total| *total <= bytes.len() && size > 0);

@@ -339,7 +339,7 @@ impl Raster {
         for (code, _) in codes.iter_mut().zip(known.iter().flatten()).filter(|(_, known)| !**known) {
             *code = f32::NAN;
         }
-        // What colours mean says nothing of codes.
+        // Depth codes are not colours, so notes about a colour profile do not matter to them.
         let notes = self.notes.into_iter().filter(|note| !note.starts_with("its colour profile")).collect();
         Ok(CodeImage { size: self.size, codes, integer, taken: None, notes })
     }

@@ -13,6 +13,11 @@ use std::{
     path::Path,
 };
 
+/// Returns the folder that a file is in.
+pub fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Writes a file with `fill`, then moves it to `path`.
 ///
 /// # Errors
@@ -28,7 +33,7 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>
     if path.is_dir() {
         return Err(Error::input(path.display(), "is a folder", "give a file name"));
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let mut file = Temporary::new(folder).map_err(|error| fail(&error))?;
     let mut writer = BufWriter::new(file.file().map_err(|error| fail(&error))?);
     fill(&mut writer)?;

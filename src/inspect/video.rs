@@ -3,8 +3,8 @@
 use crate::{
     Result,
     image_file::FileImage,
-    media::{Decoder, VideoInfo, planes::Planes},
-    panorama::source::packed_codes,
+    media::{Decoder, VideoInfo},
+    panorama::packing::packed_codes,
 };
 use serde::Serialize;
 use std::{path::Path, sync::Arc};
@@ -43,7 +43,7 @@ impl VideoReport {
     pub fn of(path: &Path) -> Result<Self> {
         let info = Arc::new(VideoInfo::of(path)?);
         let first = Decoder::new(Arc::clone(&info)).read(0)?;
-        let image = Planes { size: info.size, format: info.format, tags: &info.tags, bytes: &first }.image();
+        let image = info.planes(&first).image();
         let warnings = info.verify()?.into_iter().collect();
         let (packing, words) = packing(image, info.size);
         let mut lines = info.lines();

@@ -1,8 +1,8 @@
 //! Encodes frames: what the user may choose, and one child process that reads raw frames from a pipe.
 
 use super::{
+    format::{Format, Kind, Matrix, Siting, Tags},
     pack::Packer,
-    planes::{Format, Kind, Siting, Tags},
     probe::VideoInfo,
     tool,
 };
@@ -305,7 +305,7 @@ fn any_format_for(codec: Codec, asked: Option<&str>, source: Option<&VideoInfo>)
 }
 
 fn tags_for(format: Format, source: Option<&VideoInfo>) -> Result<Tags> {
-    let matrix = source.map_or(super::planes::Matrix::Bt709, |info| info.tags.matrix).for_output(format.kind);
+    let matrix = source.map_or(Matrix::Bt709, |info| info.tags.matrix).for_output(format.kind);
     let full = match source {
         _ if format.kind != Kind::Yuv => true,
         Some(info) if info.format.kind == Kind::Yuv => info.tags.full_range,

@@ -3,14 +3,14 @@
 
 use super::{
     encode::{Codec, Container, Encoder, Encoding},
-    planes::{Part, Planes},
+    planes::Part,
     probe::VideoInfo,
     spherical::{self, Views},
     tool,
 };
 use crate::{
     Error, Result,
-    image_file::write::{make_folder, write_bytes},
+    image_file::write::{folder_of, make_folder, write_bytes},
     temporary::Temporary,
 };
 use glam::Vec3;
@@ -66,10 +66,7 @@ impl Encoding {
         };
         let shown: Vec<[f32; 3]> = shot.texels.par_iter().map(shown).collect();
         match &shot.source {
-            Some(SourceCodes { info, bytes, part }) => {
-                let planes = Planes { size: info.size, format: info.format, tags: &info.tags, bytes };
-                self.packer.pack(&shown, Some((&planes, *part)))
-            }
+            Some(SourceCodes { info, bytes, part }) => self.packer.pack(&shown, Some((&info.planes(bytes), *part))),
             None => self.packer.pack(&shown, None),
         }
     }
@@ -179,7 +176,7 @@ impl Film {
         }
         let list_file = self.folder.join("list");
         write_bytes(&list_file, list.as_bytes())?;
-        let parent = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let parent = folder_of(&self.path);
         let unwritable = |error: &std::io::Error| {
             Error::input(self.path.display(), format!("cannot be written: {}", error.kind()), "give a writable folder")
         };

@@ -7,6 +7,7 @@
 pub mod decode;
 pub mod encode;
 pub mod film;
+pub mod format;
 pub mod pack;
 pub mod planes;
 pub mod probe;

@@ -1,6 +1,9 @@
 //! Turns pictures into the codes of a video. Pixels that are the source's own keep the source's codes.
 
-use super::planes::{Format, Kind, Matrix, Part, Planes, Tags};
+use super::{
+    format::{Format, Kind, Matrix, Tags},
+    planes::{Part, Planes},
+};
 use crate::image_file::{color_space::Transfer, srgb::linear_to_srgb};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -197,7 +200,7 @@ impl Matrix {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::planes::Siting;
+    use crate::media::format::Siting;
 
     fn tags(full: bool, transfer: &str) -> Tags {
         Tags::new(Matrix::Bt709, full, None, Some(transfer), Siting::LEFT).expect("known")
@@ -233,7 +236,7 @@ mod tests {
                 _ => codes.iter().flat_map(|code| code.to_le_bytes()).collect(),
             };
             let planes = Planes { size, format, tags: &tags, bytes: &bytes };
-            let part = Part { from: [0, 0], size };
+            let part = Part::whole(size);
             let shown: Shown =
                 planes.color(part).texels.iter().map(|t| tags.shown(Vec3::new(t[0], t[1], t[2]))).collect();
             let packer = Packer { size, format, tags: tags.clone() };

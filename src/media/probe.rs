@@ -1,7 +1,8 @@
 //! What a video file says of itself, asked of `ffprobe`. Nothing is decoded for it.
 
 use super::{
-    planes::{Format, Kind, Matrix, Siting, Tags},
+    format::{Format, Kind, Matrix, Siting, Tags},
+    planes::Planes,
     tool,
 };
 use crate::{Error, Result};
@@ -177,6 +178,11 @@ impl VideoInfo {
             mastering,
             content_light,
         })
+    }
+
+    /// Takes the bytes of a frame as planes.
+    pub fn planes<'a>(&'a self, bytes: &'a [u8]) -> Planes<'a> {
+        Planes { size: self.size, format: self.format, tags: &self.tags, bytes }
     }
 
     /// How many frames there are.

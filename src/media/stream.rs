@@ -3,7 +3,7 @@
 use super::{
     encode::{Codec, Container, Encoding, Wanted},
     film::{Look, Shot},
-    planes::Kind,
+    format::Kind,
     probe::VideoInfo,
 };
 use crate::{Error, Result};

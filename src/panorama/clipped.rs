@@ -10,7 +10,7 @@
 use super::{
     cloud::Cloud,
     light::mean_luminance,
-    mapping::{coordinates, texel_direction, wrap},
+    mapping::{coordinates, neighbours, texel_direction},
     source::PanoramaFrame,
 };
 use glam::{Vec3, vec3};
@@ -120,7 +120,7 @@ struct Receiver {
     at: Vec3,
     normal: Vec3,
     luminance: f32,
-    /// Of red and blue in the sum of the channels.
+    /// The shares of red and blue in the sum of the channels.
     tint: [f32; 2],
     /// E of what is not clipped, and of each lamp as captured.
     base: f32,
@@ -177,14 +177,12 @@ fn groups(frame: &PanoramaFrame, white: f32) -> Vec<Group> {
         }
         let (mut texels, mut next) = (vec![first as u32], 0);
         while next < texels.len() {
-            let (column, row) = (i64::from(texels[next] % size[0]), i64::from(texels[next] / size[0]));
-            next += 1;
-            for k in 0..9 {
-                let (x, y) = wrap(column + k % 3 - 1, row + k / 3 - 1, size);
-                if std::mem::take(&mut left[(y * size[0] + x) as usize]) {
-                    texels.push(y * size[0] + x);
+            for other in neighbours(texels[next], size) {
+                if std::mem::take(&mut left[other as usize]) {
+                    texels.push(other);
                 }
             }
+            next += 1;
         }
         let (mut direction, mut solid_angle) = (Vec3::ZERO, 0.0);
         for at in &texels {

@@ -8,7 +8,7 @@
 use super::{
     depth::Quantisation,
     light::mean_luminance,
-    mapping::{coordinates, texel_direction, wrap},
+    mapping::{coordinates, neighbours, texel_direction, wrap},
     source::PanoramaFrame,
 };
 use glam::{DVec2, DVec3, Vec3, dvec2};
@@ -236,7 +236,7 @@ impl<'a> Scan<'a> {
             next += 1;
             angle += self.solid_angle(texel);
             large = angle > LARGEST;
-            for other in self.neighbours(texel) {
+            for other in neighbours(texel, self.frame.color_size) {
                 if self.luminance(other) < least || self.seen(other) == own {
                     continue;
                 }
@@ -256,7 +256,7 @@ impl<'a> Scan<'a> {
         let mut rim = core.clone();
         for _ in 0..2 {
             for texel in std::mem::take(&mut rim) {
-                for other in self.neighbours(texel) {
+                for other in neighbours(texel, self.frame.color_size) {
                     if self.seen(other) == Seen::No {
                         self.seen.insert(other, own);
                         rim.push(other);
@@ -265,15 +265,6 @@ impl<'a> Scan<'a> {
             }
         }
         Some(core)
-    }
-
-    fn neighbours(&self, texel: u32) -> impl Iterator<Item = u32> + use<> {
-        let size = self.frame.color_size;
-        let (column, row) = (i64::from(texel % size[0]), i64::from(texel / size[0]));
-        (0..9).filter(|k| *k != 4).map(move |k| {
-            let (column, row) = wrap(column + k % 3 - 1, row + k / 3 - 1, size);
-            row * size[0] + column
-        })
     }
 
     /// The ellipse of a core's light, and the angle of a texel.
@@ -373,7 +364,7 @@ impl<'a> Scan<'a> {
             return None;
         }
         let covered = power / bright;
-        // What is bent or branched is no ellipse.
+        // A lamp that is bent or branched is no ellipse.
         let drawn = PI * ellipse.half.x * ellipse.half.y;
         if covered > LARGEST || drawn > 2.0 * covered + 4.0 * texel * texel {
             return None;

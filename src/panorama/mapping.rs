@@ -3,7 +3,7 @@
 //! along −Z, `u` grows to the right, `v = 0` is +Y, and texel centres are at `((i + ½)/W, (j + ½)/H)`.
 
 use super::source::PanoramaFrame;
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// Turns texture coordinates (0..1) into a unit direction.
@@ -26,16 +26,6 @@ pub fn texel_direction(column: u32, row: u32, size: [u32; 2]) -> DVec3 {
     direction(DVec2::new((f64::from(column) + 0.5) / f64::from(size[0]), (f64::from(row) + 0.5) / f64::from(size[1])))
 }
 
-/// Single-precision [`direction`].
-pub fn direction_f32(uv: Vec2) -> Vec3 {
-    direction(uv.as_dvec2()).as_vec3()
-}
-
-/// Single-precision [`coordinates`].
-pub fn coordinates_f32(direction: Vec3) -> Vec2 {
-    coordinates(direction.as_dvec3()).as_vec2()
-}
-
 /// Turns a direction of the world into one of the panorama.
 pub fn world_to_panorama(direction: DVec3, yaw_degrees: f64) -> DVec3 {
     glam::DQuat::from_rotation_y(-yaw_degrees.to_radians()) * direction
@@ -53,6 +43,15 @@ pub fn wrap(column: i64, row: i64, size: [u32; 2]) -> (u32, u32) {
     let row = row.rem_euclid(2 * height);
     let (row, column) = if row < height { (row, column) } else { (2 * height - 1 - row, column + width / 2) };
     (column.rem_euclid(width) as u32, row as u32)
+}
+
+/// Returns the eight texels around one, by their numbers.
+pub fn neighbours(texel: u32, size: [u32; 2]) -> impl Iterator<Item = u32> {
+    let (column, row) = (i64::from(texel % size[0]), i64::from(texel / size[0]));
+    (0..9).filter(|k| *k != 4).map(move |k| {
+        let (column, row) = wrap(column + k % 3 - 1, row + k / 3 - 1, size);
+        row * size[0] + column
+    })
 }
 
 /// Returns the radiance in a direction of the panorama's frame, bilinear between texel centres.

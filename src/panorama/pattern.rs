@@ -1,6 +1,6 @@
-//! Names of image sequences, as `%d`, `%04d` or `####`.
+//! Names of image sequences, as `%d`, `%04d` or `####`, and their numbers.
 
-use crate::{Error, Result};
+use crate::{Error, Result, image_file::write::folder_of};
 use std::path::{Path, PathBuf};
 
 /// A file name that holds a frame number, or the name of a single file.
@@ -84,7 +84,7 @@ impl Pattern {
     /// Fails if the folder cannot be read.
     pub fn existing(&self) -> Result<Vec<u32>> {
         let path = PathBuf::from(format!("{}%{}", self.before, self.after));
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(&path);
         let prefix = self.before.rsplit(['/', std::path::MAIN_SEPARATOR]).next().unwrap_or_default();
         let entries = std::fs::read_dir(folder)
             .map_err(|error| Error::input(folder.display(), error, "check the folder's name and permissions"))?;
@@ -100,6 +100,40 @@ impl Pattern {
         numbers.sort_unstable();
         Ok(numbers)
     }
+}
+
+/// A sequence with more missing frames than this for each that is there is numbered by something else.
+const MAX_HELD: usize = 100;
+
+/// Fills gaps between the numbers of a sequence, so that each frame keeps its time: in place of a frame that is
+/// missing, the one before is held. Numbers that all lie equally far apart have no gaps.
+pub(super) fn over_gaps(numbers: &[u32], pattern: &Pattern, warnings: &mut Vec<String>) -> Vec<u32> {
+    let gcd = |mut a: u32, mut b: u32| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let step = numbers.windows(2).fold(0, |step, pair| gcd(step, pair[1] - pair[0]));
+    let (Some(first), Some(last)) = (numbers.first(), numbers.last()) else { return Vec::new() };
+    let frames = (last - first).checked_div(step).map_or(1, |count| count as usize + 1);
+    if frames == numbers.len() || frames > MAX_HELD * numbers.len() {
+        return numbers.to_vec();
+    }
+    let mut held = Vec::with_capacity(frames);
+    let mut missing = Vec::new();
+    for number in (*first..=*last).step_by(step as usize) {
+        let known = numbers.partition_point(|known| *known <= number);
+        if numbers[known - 1] != number {
+            missing.push(pattern.file(number).display().to_string());
+        }
+        held.push(numbers[known - 1]);
+    }
+    let (shown, more) =
+        (missing.iter().take(8).cloned().collect::<Vec<_>>().join(", "), missing.len().saturating_sub(8));
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    warnings.push(format!("{shown}{more}: missing in the sequence; the frame before is held, so that times are kept"));
+    held
 }
 
 #[cfg(test)]

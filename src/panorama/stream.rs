@@ -2,14 +2,11 @@
 //! on a thread of its own while frames are asked for in order.
 
 use super::{
-    pattern::Pattern,
-    source::{DepthSource, PanoramaFrame, PanoramaSpec, Picture, make_frame},
+    frame::{Picture, make_frame},
+    source::PanoramaFrame,
+    tracks::{Pick, Plan, Track},
 };
-use crate::{
-    Error, Result,
-    image_file::read,
-    media::{self, Decoder, VideoInfo, planes::Planes},
-};
+use crate::{Error, Result, image_file::read, media::Decoder};
 use std::{
     collections::VecDeque,
     fmt,
@@ -19,180 +16,6 @@ use std::{
     },
     thread::JoinHandle,
 };
-
-/// Where pictures of colour or of depth come from.
-#[derive(Clone, Debug)]
-pub(super) enum Track {
-    /// An image, or numbered images.
-    Images(Pattern),
-    Video(Arc<VideoInfo>),
-}
-
-impl Track {
-    /// Finds out which it is. A video's header is read.
-    pub fn open(path: &std::path::Path) -> Result<Self> {
-        if media::is_video(path) {
-            return Ok(Self::Video(Arc::new(VideoInfo::of(path)?)));
-        }
-        Ok(Self::Images(Pattern::parse(path)?))
-    }
-
-    pub fn video(&self) -> Option<&Arc<VideoInfo>> {
-        match self {
-            Self::Video(info) => Some(info),
-            Self::Images(_) => None,
-        }
-    }
-}
-
-/// The pictures of a frame: numbers of files, or of frames of a video from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Pick {
-    pub color: u32,
-    pub depth: u32,
-}
-
-/// The tracks and which of their pictures belong together.
-#[derive(Clone, Debug)]
-pub(super) struct Plan {
-    pub spec: Arc<PanoramaSpec>,
-    pub color: Track,
-    pub depth: Option<Track>,
-    pub picks: Vec<Pick>,
-    /// When each frame is shown, seconds from the first.
-    pub times: Vec<f64>,
-    /// Frames a second, the mean if that varies.
-    pub rate: [u32; 2],
-}
-
-impl Plan {
-    /// Puts videos together with what else there is.
-    ///
-    /// # Errors
-    /// Fails if frames are asked for that do not exist, or if depth ends before colour.
-    pub fn of_videos(
-        spec: PanoramaSpec,
-        color: Track,
-        depth: Option<Track>,
-        warnings: &mut Vec<String>,
-    ) -> Result<Self> {
-        let subject = spec.color.display().to_string();
-        let color_files = files(&color)?;
-        let depth_files = depth.as_ref().map(files).transpose()?;
-        let (fps, by_fps) =
-            (spec.fps, |count: usize, fps: f64| (0..count).map(move |i| i as f64 / fps).collect::<Vec<_>>());
-        let times_of = |track: &Track, files: &Files| match (track, files) {
-            (Track::Video(info), _) => Some((info.times.clone(), info.rate)),
-            (_, Files::Numbers(numbers)) => Some((by_fps(numbers.len(), fps), media::probe::rational(fps))),
-            (_, Files::One) => None,
-        };
-        let of_color = times_of(&color, &color_files);
-        let of_depth = depth.as_ref().zip(depth_files.as_ref()).and_then(|(track, files)| times_of(track, files));
-        let Some((times, rate)) = of_color.clone().or(of_depth.clone()) else {
-            return Err(Error::Internal("no video among the tracks".into()));
-        };
-        let chosen: Vec<usize> = match spec.frames {
-            None => (0..times.len()).collect(),
-            Some(range) => {
-                if range.last as usize >= times.len() {
-                    let problem = format!("frames: there is no frame {} in its {} frames", range.last, times.len());
-                    let remedy = format!("give a range from 0 to {}", times.len() - 1);
-                    return Err(Error::input(&subject, problem, remedy));
-                }
-                (range.first as usize..=range.last as usize).step_by(range.step.max(1) as usize).collect()
-            }
-        };
-        let mut depth_index: Vec<usize> = chosen.clone();
-        if let (Some((color_times, _)), Some((depth_times, _)), DepthSource::Files(path)) =
-            (&of_color, &of_depth, &spec.depth)
-        {
-            depth_index = paired(color_times, depth_times, &chosen).map_err(|needed| {
-                let (count, all) = (depth_times.len(), color_times.len());
-                let problem =
-                    format!("has {count} frames, but the colour has {all}, of which number {needed} is needed");
-                let remedy = format!("give depth for all of it, or write frames = [0, {}]", count.max(1) - 1);
-                Error::input(path.display(), problem, remedy)
-            })?;
-            if depth_times.len() > color_times.len() && spec.frames.is_none() {
-                warnings.push(format!("{}: has more frames than the colour; the rest is left out", path.display()));
-            }
-        }
-        if spec.frames.is_none() {
-            [Some(&color), depth.as_ref()]
-                .into_iter()
-                .flatten()
-                .filter_map(Track::video)
-                .try_for_each(|info| info.demand_all())?;
-        }
-        let number = |files: &Files, index: usize| match files {
-            Files::One => 0,
-            Files::Numbers(numbers) => numbers.get(index).copied().unwrap_or(0),
-        };
-        let pick = |(color, depth): (&usize, &usize)| Pick {
-            color: number(&color_files, *color),
-            depth: depth_files.as_ref().map_or(0, |files| number(files, *depth)),
-        };
-        let picks: Vec<Pick> = chosen.iter().zip(&depth_index).map(pick).collect();
-        let first = times[chosen[0]];
-        let step = chosen.get(1).map_or(1, |next| next - chosen[0]) as u32;
-        let rate = [rate[0], rate[1].saturating_mul(step)];
-        let times = chosen.iter().map(|index| times[*index] - first).collect();
-        for track in [Some(&color), depth.as_ref()].into_iter().flatten() {
-            let Some(info) = track.video() else { continue };
-            let is_color = track.video().map(|v| &v.path) == color.video().map(|v| &v.path);
-            if is_color && !info.assumed.is_empty() {
-                warnings.push(format!("{}: assumed {}", info.path.display(), info.assumed.join("; ")));
-            }
-        }
-        Ok(Self { spec: Arc::new(spec), color, depth, picks, times, rate })
-    }
-}
-
-/// The pictures of a track.
-enum Files {
-    One,
-    Numbers(Vec<u32>),
-}
-
-fn files(track: &Track) -> Result<Files> {
-    Ok(match track {
-        Track::Video(info) => Files::Numbers((0..info.frame_count() as u32).collect()),
-        Track::Images(pattern) if pattern.is_sequence() => {
-            let numbers = pattern.existing()?;
-            if numbers.is_empty() {
-                let problem = "no file fits this pattern";
-                return Err(Error::input(pattern.file(0).display(), problem, "check the pattern"));
-            }
-            Files::Numbers(numbers)
-        }
-        Track::Images(pattern) => {
-            let file = pattern.file(0);
-            if !file.exists() {
-                return Err(Error::input(file.display(), "there is no such file", "check the name"));
-            }
-            Files::One
-        }
-    })
-}
-
-/// Which frame of depth belongs to each chosen frame of colour: that of the same number, or at another rate the one
-/// that is shown then. Fails with the first number that has none.
-fn paired(color: &[f64], depth: &[f64], chosen: &[usize]) -> std::result::Result<Vec<usize>, usize> {
-    let end = |times: &[f64]| {
-        let last = times.last().copied().unwrap_or(0.0);
-        last + if times.len() > 1 { last / (times.len() - 1) as f64 } else { 0.0 }
-    };
-    let (long, other) = (end(color), end(depth));
-    let same_length = long > 0.0 && other > 0.0 && (long - other).abs() <= 0.02 * long;
-    if color.len() != depth.len() && same_length {
-        let shown = |index: &usize| depth.partition_point(|time| *time <= color[*index] + 1e-3).max(1) - 1;
-        return Ok(chosen.iter().map(shown).collect());
-    }
-    match chosen.iter().find(|index| **index >= depth.len()) {
-        Some(missing) => Err(*missing),
-        None => Ok(chosen.to_vec()),
-    }
-}
 
 /// Reads and decodes frames, best in order.
 struct Reader {
@@ -455,22 +278,7 @@ pub fn first_picture(path: &std::path::Path) -> Result<crate::image_file::FileIm
         Track::Images(_) => read::read(path),
         Track::Video(info) => {
             let codes = Decoder::new(Arc::clone(&info)).read(0)?;
-            Ok(Planes { size: info.size, format: info.format, tags: &info.tags, bytes: &codes }.image())
+            Ok(info.planes(&codes).image())
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::paired;
-
-    #[test]
-    fn depth_goes_by_number_or_by_time() {
-        let every = |fps: f64, count: usize| (0..count).map(|i| i as f64 / fps).collect::<Vec<_>>();
-        let all: Vec<usize> = (0..6).collect();
-        assert_eq!(paired(&every(30.0, 6), &every(30.0, 6), &all), Ok(all.clone()));
-        assert_eq!(paired(&every(30.0, 6), &every(15.0, 3), &all), Ok(vec![0, 0, 1, 1, 2, 2]));
-        assert_eq!(paired(&every(30.0, 6), &every(30.0, 4), &all), Err(4));
-        assert_eq!(paired(&every(30.0, 6), &every(30.0, 4), &[1, 3]), Ok(vec![1, 3]));
     }
 }

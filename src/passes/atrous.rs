@@ -24,7 +24,7 @@ const UNSEEN: f32 = 0.03;
 /// The pass, with pipelines for each layer.
 pub struct Atrous {
     first: Vec<Kernel>,
-    /// Of the levels between.
+    /// The pipelines of the levels between the first and the last.
     middle: Vec<Kernel>,
     last: Vec<Kernel>,
 }

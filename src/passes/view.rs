@@ -1,5 +1,7 @@
 //! One picture in the making: its images, its history, and the data that every pass reads.
 
+mod history;
+
 use super::resources::{Resource, Resources};
 use crate::{
     Error, Result,
@@ -9,6 +11,8 @@ use crate::{
     scene::viewpoint::{Projection, Viewpoint},
 };
 use glam::{Mat3, Vec2, Vec3};
+use history::Kept;
+pub use history::Shown;
 
 gpu_struct! {
     /// `View` in `common.glsl`. Positions are metres relative to the panorama's centre.
@@ -86,9 +90,9 @@ pub struct View {
     pub arguments: Buffer,
     /// The same for the lists of tiles in which a layer holds surfaces.
     pub held_arguments: Buffer,
-    /// The same for those of them that are visited this frame.
+    /// The same for the tiles among these that are visited this frame.
     pub tile_arguments: Buffer,
-    /// What aim leaves of the list of real surfaces.
+    /// The pixels that the pass aim leaves of the list of real surfaces.
     pub aimed: Buffer,
     /// The arguments of a dispatch over these.
     pub aimed_arguments: Buffer,
@@ -102,21 +106,6 @@ pub struct View {
     history: bool,
     /// The names of these images.
     histories: Vec<&'static str>,
-}
-
-/// What a layer of a view keeps from frame to frame.
-#[derive(Clone, Debug, Default)]
-struct Kept {
-    /// What the images of `gbuffer` show, and whether their motion is zero.
-    shown: Option<(Shown, bool)>,
-    /// How many frames with a history have shown the same since.
-    still: u32,
-    /// The same, but for the video.
-    steady: u32,
-    /// Which of the two images of the guide's history is this frame's.
-    turn: u32,
-    /// Which of those of light's history.
-    light_turn: u32,
 }
 
 /// What stands still in a layer since the last frame. The number is the shaders' constant `STANDS`.
@@ -136,16 +125,6 @@ impl Stands {
         let steady = plan.on(Part::Video).then_some(Self::Steady);
         [Self::Nothing, Self::Still].into_iter().chain(steady)
     }
-}
-
-/// All that the images of `gbuffer` depend on, for one layer.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Shown {
-    pub video_frame: usize,
-    /// The viewpoint, where it is not always the same.
-    pub viewpoint: Option<Viewpoint>,
-    /// The rows of each object's matrix, and the time of its pose, for virtual surfaces.
-    pub objects: Vec<[[f32; 4]; 4]>,
 }
 
 /// What a view is for, which decides what it holds.
@@ -374,27 +353,24 @@ impl View {
             }
         }
         let [list, tiles, aimed] = list_bytes(plan, role, size);
-        let changes = gpu.buffer(&format!("{label} changes"), 4 * tiles)?;
-        let arguments = gpu.buffer(&format!("{label} arguments"), 2 * ARGUMENTS)?;
-        let held_arguments = gpu.buffer(&format!("{label} held tile arguments"), 2 * ARGUMENTS)?;
-        let tile_arguments = gpu.buffer(&format!("{label} tile arguments"), 2 * ARGUMENTS)?;
-        let aimed_arguments = gpu.buffer(&format!("{label} aimed arguments"), 2 * ARGUMENTS)?;
-        let aimed = gpu.buffer(&format!("{label} aimed"), aimed)?;
-        let data = gpu.buffer(&format!("{label} view"), size_of::<ViewData>() as u64)?;
-        resources.add("list", Resource::Buffer(gpu.buffer(&format!("{label} list"), list)?));
+        let mut buffer = |name, words: &str, bytes| -> Result<Buffer> {
+            let buffer = gpu.buffer(&format!("{label} {words}"), bytes)?;
+            resources.add(name, Resource::Buffer(buffer.clone()));
+            Ok(buffer)
+        };
+        buffer("list", "list", list)?;
+        buffer("held_tiles", "held tiles", tiles)?;
+        buffer("changes", "changes", 4 * tiles)?;
+        buffer("tiles", "tiles", tiles)?;
+        let aimed = buffer("aimed", "aimed", aimed)?;
+        let aimed_arguments = buffer("aimed_arguments", "aimed arguments", 2 * ARGUMENTS)?;
+        let held_arguments = buffer("held_arguments", "held tile arguments", 2 * ARGUMENTS)?;
+        let arguments = buffer("arguments", "arguments", 2 * ARGUMENTS)?;
+        let tile_arguments = buffer("tile_arguments", "tile arguments", 2 * ARGUMENTS)?;
+        let data = buffer("view", "view", size_of::<ViewData>() as u64)?;
         // A tile that was never visited does not rest, and its pixels are as if nothing changed them.
-        let tile_light = gpu.buffer(&format!("{label} tile light"), tiles)?;
+        let tile_light = buffer("tile_light", "tile light", tiles)?;
         gpu.write_buffer(&tile_light, 0, &vec![f32::MAX; tiles as usize / 4])?;
-        resources.add("tile_light", Resource::Buffer(tile_light));
-        resources.add("held_tiles", Resource::Buffer(gpu.buffer(&format!("{label} held tiles"), tiles)?));
-        resources.add("changes", Resource::Buffer(changes));
-        resources.add("tiles", Resource::Buffer(gpu.buffer(&format!("{label} tiles"), tiles)?));
-        resources.add("aimed", Resource::Buffer(aimed.clone()));
-        resources.add("aimed_arguments", Resource::Buffer(aimed_arguments.clone()));
-        resources.add("held_arguments", Resource::Buffer(held_arguments.clone()));
-        resources.add("arguments", Resource::Buffer(arguments.clone()));
-        resources.add("tile_arguments", Resource::Buffer(tile_arguments.clone()));
-        resources.add("view", Resource::Buffer(data.clone()));
         Ok(Self {
             role,
             size,
@@ -411,105 +387,6 @@ impl View {
             history: plan.on(Part::Temporal),
             histories: DECLARED.iter().filter(|image| image.keeps_history(plan)).map(|image| image.name).collect(),
         })
-    }
-
-    /// Whether the previous frame showed the same of a layer.
-    fn shows(&self, layer: u32, shown: &Shown) -> bool {
-        self.kept[layer as usize].shown.as_ref().is_some_and(|(known, _)| known == shown)
-    }
-
-    /// Whether `gbuffer` would make what is there of a layer.
-    pub fn keeps(&self, layer: u32, shown: &Shown) -> bool {
-        self.kept[layer as usize].shown.as_ref().is_some_and(|(known, motionless)| *motionless && known == shown)
-    }
-
-    /// How many frames in a row, this one included, have shown the same of a layer as the one before, with its
-    /// history.
-    pub fn still_frames(&self, layer: u32, shown: &Shown) -> u32 {
-        let still = self.shows(layer, shown) && self.history_reset.is_none();
-        if still { self.kept[layer as usize].still + 1 } else { 0 }
-    }
-
-    /// The same for frames that have shown the same but for the video.
-    pub fn steady_frames(&self, layer: u32, shown: &Shown) -> u32 {
-        let Kept { shown: known, steady, .. } = &self.kept[layer as usize];
-        let same = |known: &Shown| known.viewpoint == shown.viewpoint && known.objects == shown.objects;
-        if self.history_reset.is_none() && known.as_ref().is_some_and(|(known, _)| same(known)) {
-            steady + 1
-        } else {
-            0
-        }
-    }
-
-    /// What stands still since the last frame.
-    pub fn stands(&self, layer: u32, shown: &Shown) -> Stands {
-        if self.still_frames(layer, shown) > 0 {
-            Stands::Still
-        } else if self.steady_frames(layer, shown) > 0 {
-            Stands::Steady
-        } else {
-            Stands::Nothing
-        }
-    }
-
-    /// Makes what the last frame wrote the history of the next. Where a layer stands still the history is the
-    /// same image, which each pass changes in place, and what `gbuffer` need not write again stays where it is.
-    pub fn begin_frame(&mut self, shown: &[Shown; 2]) {
-        for layer in [REAL, VIRTUAL] {
-            let shown = &shown[layer as usize];
-            let turns = self.still_frames(layer, shown) == 0 && !self.keeps(layer, shown);
-            let light_turns = self.steady_frames(layer, shown) == 0;
-            let kept = &mut self.kept[layer as usize];
-            kept.turn ^= u32::from(turns);
-            kept.light_turn ^= u32::from(light_turns);
-        }
-    }
-
-    /// Takes down what a frame has shown.
-    pub fn end_frame(&mut self, viewpoint: Viewpoint, shown: [Shown; 2]) {
-        for (layer, shown) in (0..).zip(shown) {
-            let (still, steady) = (self.still_frames(layer, &shown), self.steady_frames(layer, &shown));
-            let motionless = self.shows(layer, &shown);
-            let kept = &mut self.kept[layer as usize];
-            (kept.still, kept.steady) = (still, steady);
-            kept.shown = Some((shown, motionless));
-        }
-        self.previous = Some(viewpoint);
-        self.history_reset = None;
-    }
-
-    /// Forgets what previous frames have shown.
-    pub fn forget(&mut self) {
-        self.kept.iter_mut().for_each(|kept| kept.shown = None);
-        self.previous = None;
-    }
-
-    /// Tells shaders which layers of images with a history are this frame's, and which the last one's.
-    /// `shown` is what this frame shows.
-    pub fn describe(&self, data: &mut ViewData, shown: &[Shown; 2]) {
-        for layer in [REAL, VIRTUAL] {
-            let Kept { turn, light_turn, .. } = self.kept[layer as usize];
-            let [now, light_now] = [turn, light_turn].map(|turn| self.history_layer(layer, turn));
-            let stands = self.stands(layer, &shown[layer as usize]);
-            let at = layer as usize;
-            (data.now[at], data.light_now[at]) = (now, light_now);
-            data.before[at] = if self.history && stands != Stands::Still { now ^ 1 } else { now };
-            data.light_before[at] = if self.history && stands == Stands::Nothing { light_now ^ 1 } else { light_now };
-        }
-    }
-
-    /// The layer of an image in which this frame has the values of real or of virtual surfaces.
-    pub fn layer(&self, image: &str, layer: u32) -> u32 {
-        let Kept { turn, light_turn, .. } = self.kept[layer as usize];
-        match image {
-            "guide" => self.history_layer(layer, turn),
-            _ if self.histories.contains(&image) => self.history_layer(layer, light_turn),
-            _ => layer,
-        }
-    }
-
-    fn history_layer(&self, layer: u32, turn: u32) -> u32 {
-        if self.history { 2 * layer + turn } else { layer }
     }
 
     /// The threads of a dispatch over the list of a layer's pixels.

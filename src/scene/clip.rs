@@ -12,6 +12,13 @@ pub enum Join {
     CubicSpline,
 }
 
+impl Join {
+    /// How many values a key has.
+    pub fn per_key(self) -> usize {
+        if self == Self::CubicSpline { 3 } else { 1 }
+    }
+}
+
 /// The property that a channel moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Property {
@@ -53,7 +60,7 @@ pub struct Clip {
     pub weights: Vec<Weights>,
     /// Whether it ends with its last key, and does not repeat.
     pub hold: bool,
-    /// What of it has been played at time 0, seconds.
+    /// The place in the clip at which it stands at time 0, seconds.
     pub offset: f64,
 }
 
@@ -101,7 +108,7 @@ impl Clip {
 
 impl Weights {
     fn at(&self, time: f32) -> Vec<f32> {
-        let per_key = if self.join == Join::CubicSpline { 3 } else { 1 };
+        let per_key = self.join.per_key();
         let count = self.values.len() / (self.times.len() * per_key).max(1);
         let of = |target: usize| {
             let channel = Channel {
@@ -121,7 +128,7 @@ impl Channel {
     /// Returns the value at `time` seconds, held outside the keys.
     fn at(&self, time: f32) -> Vec4 {
         let after = self.times.partition_point(|key| *key <= time);
-        let per_key = if self.join == Join::CubicSpline { 3 } else { 1 };
+        let per_key = self.join.per_key();
         let value = |key: usize| self.values[key * per_key + per_key / 2];
         if after == 0 || after == self.times.len() {
             return value(after.saturating_sub(1));

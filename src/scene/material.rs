@@ -75,21 +75,16 @@ impl TextureUse {
     pub const fn plain(texture: usize) -> Self {
         Self { texture, set: 0, transform: Affine2::IDENTITY }
     }
-
-    /// Says whether it does.
-    pub fn is_plain(&self) -> bool {
-        *self == Self::plain(self.texture)
-    }
 }
 
-/// What of a surface is there (glTF's `alphaMode`).
+/// How opaque a surface is (glTF's `alphaMode`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alpha {
-    /// All of it.
+    /// Everywhere.
     Opaque,
-    /// Where alpha is at least this.
+    /// Only where alpha is at least this.
     Mask(f32),
-    /// A share: alpha.
+    /// By the share that alpha gives.
     Blend,
 }
 
@@ -144,7 +139,7 @@ material! {
     normal_scale: f32 = 1.0,
     /// Whether it is seen from both sides.
     double_sided: bool = false,
-    /// What of it is there.
+    /// How opaque it is.
     alpha_mode: Alpha = Alpha::Opaque,
     /// A factor on alpha.
     alpha: f32 = 1.0,

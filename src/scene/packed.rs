@@ -16,7 +16,7 @@ pub const UNLIT: u32 = 2;
 pub const MASKED: u32 = 4;
 /// Alpha is the share that is there.
 pub const BLENDED: u32 = 8;
-/// It bounds a solid.
+/// The surface bounds a solid.
 pub const SOLID: u32 = 16;
 
 gpu_struct! {

@@ -7,7 +7,7 @@
 //! is `relit`, mirrors show them in their new light.
 
 use crate::panorama::{
-    mapping::{bilinear, coordinates_f32, texel_direction},
+    mapping::{bilinear, coordinates, texel_direction},
     source::PanoramaFrame,
 };
 use glam::{Vec2, Vec3, vec2};
@@ -343,7 +343,7 @@ impl World {
                 continue;
             }
             let solid_angle = area * point.y / distance.powi(3);
-            let uv = coordinates_f32(unturn * point);
+            let uv = coordinates((unturn * point).as_dvec3()).as_vec2();
             let (x, y) = ((uv.x * size[0] as f32) as u32 % size[0], ((uv.y * size[1] as f32) as u32).min(size[1] - 1));
             let row = |j: u32| (PI * j as f32 / size[1] as f32).cos();
             let texel = TAU / size[0] as f32 * (row(y) - row(y + 1));

@@ -4,7 +4,7 @@
 use super::edit::{Editor, Made, Origin};
 use crate::{
     Error, Result,
-    image_file::write::{make_folder, write_bytes},
+    image_file::write::{folder_of, make_folder, write_bytes},
     scene::{
         Scene,
         animation::Placement,
@@ -80,7 +80,7 @@ fn parse(path: &Path, text: &str) -> Result<DocumentMut> {
 
 fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Result<PathBuf> {
     let folder = |path: &Path| {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(path);
         std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned())
     };
     if folder(from) != folder(to) {

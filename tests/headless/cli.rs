@@ -1,41 +1,18 @@
 //! The program as users run it: exit codes, one clear line on stderr, files that are what was asked for, no panic.
 
-use crate::folder::Folder;
+use crate::folder::{Folder, SCENE};
 use std::path::Path;
 
-/// A folder with a small scene: a box room, a ball in it.
-fn scene_folder() -> Folder {
-    let folder = Folder::empty();
-    let texels = |x: u32, y: u32| image::Rgb([(4 * x) as u8, (8 * y) as u8, 90]);
-    image::RgbImage::from_fn(64, 32, texels).save(folder.path("room.png")).expect("writes");
-    folder.write("scene.toml", SCENE);
-    folder
-}
-
-/// What there is in it beside the scene's own files.
+/// What there is in a folder beside the scene's own files.
 fn others(folder: &Folder) -> Vec<String> {
     let files = folder.root().read_dir().expect("readable");
     let names = files.map(|f| f.expect("readable").file_name().to_string_lossy().into_owned());
     names.filter(|name| name != "scene.toml" && name != "room.png").collect()
 }
 
-const SCENE: &str = r#"
-[panorama]
-color = "room.png"
-depth = { box = [4, 3, 5] }
-[camera]
-position = [0, 0, 0]
-size = [40, 30]
-[[object]]
-name = "ball"
-shape = "sphere"
-size = [0.6, 0.6, 0.6]
-translation = [0, -0.2, -1.5]
-"#;
-
 #[test]
 fn what_the_user_got_wrong_is_told_in_one_line() {
-    let folder = scene_folder();
+    let folder = Folder::with_scene();
     for (arguments, words) in [
         ("render nowhere.toml -o a.png", &["nowhere.toml"][..]),
         ("render scene.toml -o a.png --set sampling_msk=true", &["sampling_msk", "did you mean \"sampling_mask\""]),
@@ -83,7 +60,7 @@ fn what_the_user_got_wrong_is_told_in_one_line() {
 
 #[test]
 fn a_device_that_is_not_there_is_another_kind_of_error() {
-    let folder = scene_folder();
+    let folder = Folder::with_scene();
     folder.fails_by("render scene.toml -o a.png --device nonexistent", 3, &["nonexistent"]);
     folder.fails_by("bench scene.toml --device 99", 3, &["99"]);
     assert!(others(&folder).is_empty());
@@ -91,7 +68,7 @@ fn a_device_that_is_not_there_is_another_kind_of_error() {
 
 #[test]
 fn pictures_have_the_size_and_layers_asked_for() {
-    let folder = scene_folder();
+    let folder = Folder::with_scene();
     let printed = folder.succeeds("render scene.toml -o a.png --warmup 1 --validation");
     assert_eq!(printed.trim(), "a.png");
     let picture = image::open(folder.path("a.png")).expect("a PNG");
@@ -134,7 +111,7 @@ fn json(path: &Path) -> serde_json::Value {
 
 #[test]
 fn bench_writes_its_schema() {
-    let folder = scene_folder();
+    let folder = Folder::with_scene();
     let files = "--json b.json --csv b.csv --trace b.trace";
     let table = folder.succeeds(&format!("bench scene.toml --size 160x120 --frames 0..4 --warmup 2 -q {files}"));
     let report = json(&folder.path("b.json"));
@@ -219,7 +196,7 @@ fn bench_writes_its_schema() {
 
 #[test]
 fn a_plan_says_what_is_left_out_and_why() {
-    let folder = scene_folder();
+    let folder = Folder::with_scene();
     let table = folder.succeeds("plan scene.toml --json plan.json -q");
     let report = json(&folder.path("plan.json"));
     let parts = report["parts"].as_array().expect("an array");
@@ -262,7 +239,7 @@ fn a_plan_says_what_is_left_out_and_why() {
 
 #[test]
 fn check_reports_every_problem() {
-    let folder = scene_folder();
+    let folder = Folder::with_scene();
     assert!(folder.succeeds("check scene.toml").contains("no problems"));
     // first what the text says, then what the files hold
     let misspelt = SCENE.replace("shape = \"sphere\"", "shape = \"spere\"").replace("[camera]", "[camera]\nfov = 3");
@@ -283,7 +260,7 @@ fn check_reports_every_problem() {
 
 #[test]
 fn masks_tell_objects_and_their_influence_apart() {
-    let folder = scene_folder();
+    let folder = Folder::with_scene();
     let printed = folder.succeeds("masks scene.toml -o out/masks --spp 16 --size 64x48");
     assert!(printed.contains("virtual.png") && printed.contains("influenced.png"), "{printed}");
     let mask = |name: &str| {

@@ -9,6 +9,7 @@ use iprt::{
         mapping::texel_direction,
         source::{PanoramaFrame, PanoramaSource},
     },
+    reference::path_trace::{PathTracer, Sums},
     renderer::Renderer,
     scene::{
         Object, Scene,
@@ -26,14 +27,39 @@ use std::sync::Arc;
 
 pub type Texels = Vec<[f32; 4]>;
 
-/// Runs a test on a device with core and synchronization validation, destroys the device, and demands that nothing was said.
-pub fn validated(test: impl FnOnce(&Gpu)) {
+/// A device with core and synchronization validation.
+pub fn open() -> Gpu {
     let device = std::env::var("IPRT_DEVICE").ok();
-    let gpu = Gpu::new(&GpuOptions { device, validation: true, ..Default::default() })
-        .expect("tests need a Vulkan device and the validation layer");
-    test(&gpu);
+    Gpu::new(&GpuOptions { device, validation: true, ..Default::default() })
+        .expect("tests need a Vulkan device and the validation layer")
+}
+
+/// Destroys the device and demands that validation had nothing to say.
+pub fn close(gpu: Gpu) {
     let messages = gpu.destroy().expect("nothing holds the device");
-    assert!(messages.is_empty(), "{messages:#?}");
+    assert!(messages.is_empty(), "{}", messages.join("\n"));
+}
+
+/// Runs a test between [`open`] and [`close`].
+pub fn validated(test: impl FnOnce(&Gpu)) {
+    let gpu = open();
+    test(&gpu);
+    close(gpu);
+}
+
+/// The light that this many samples of a path tracer bring.
+pub fn sampled(mut tracer: PathTracer, samples: u32) -> Sums {
+    for _ in 0..samples {
+        tracer.sample().expect("runs");
+    }
+    tracer.read().expect("reads")
+}
+
+/// The mean of the green channel.
+pub fn mean(sums: &Sums) -> f32 {
+    let radiance = sums.radiance();
+    assert!(radiance.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
+    radiance.iter().map(|c| c[1]).sum::<f32>() / radiance.len() as f32
 }
 
 /// A panorama of any radiance in a box room: full extents, and its centre relative to the capture point.

@@ -72,8 +72,7 @@ fn a_sequence_is_measured_frame_by_frame_and_over_time() {
 #[test]
 fn motion_of_a_render_makes_what_moves_steady() {
     let folder = Folder::empty();
-    let texels = |x: u32, y: u32| image::Rgb([(90.0 + 60.0 * (x as f32 * 0.4).sin()) as u8, (6 * y) as u8, 90]);
-    image::RgbImage::from_fn(64, 32, texels).save(folder.path("room.png")).expect("writes");
+    folder.paint("room.png", |x, y| [(90.0 + 60.0 * (x as f32 * 0.4).sin()) as u8, (6 * y) as u8, 90]);
     std::fs::write(folder.path("scene.toml"), MOVING).expect("writes");
     for (name, aov) in [("with", "--aov motion,position"), ("without", "")] {
         let frames = "--frames 0..3 --warmup 0 --size 80x60 -q --set relight_levels=0";

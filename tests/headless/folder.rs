@@ -5,12 +5,35 @@ use std::{
     process::{Command, Output},
 };
 
+/// A box room and a ball in it.
+pub const SCENE: &str = r#"
+[panorama]
+color = "room.png"
+depth = { box = [4, 3, 5] }
+[camera]
+position = [0, 0, 0]
+size = [40, 30]
+[[object]]
+name = "ball"
+shape = "sphere"
+size = [0.6, 0.6, 0.6]
+translation = [0, -0.2, -1.5]
+"#;
+
 pub struct Folder(tempfile::TempDir);
 
 impl Folder {
     /// An empty one.
     pub fn empty() -> Self {
         Self(tempfile::tempdir().expect("a folder"))
+    }
+
+    /// One with [`SCENE`].
+    pub fn with_scene() -> Self {
+        let folder = Self::empty();
+        folder.paint("room.png", |x, y| [(4 * x) as u8, (8 * y) as u8, 90]);
+        folder.write("scene.toml", SCENE);
+        folder
     }
 
     pub fn root(&self) -> &Path {
@@ -23,6 +46,12 @@ impl Folder {
 
     pub fn write(&self, name: &str, text: &str) {
         std::fs::write(self.path(name), text).expect("writes");
+    }
+
+    /// Writes a panorama of 64×32 texels.
+    pub fn paint(&self, name: &str, texel: impl Fn(u32, u32) -> [u8; 3]) {
+        let panorama = image::RgbImage::from_fn(64, 32, |x, y| image::Rgb(texel(x, y)));
+        panorama.save(self.path(name)).expect("writes");
     }
 
     /// Runs `iprt` in it, with words parted by blanks; it must not panic.

@@ -11,7 +11,7 @@ use iprt::{
         clip::Property,
         file::RenderSettings,
         gltf,
-        material::{Alpha, Slot},
+        material::{Alpha, Slot, TextureUse},
         model::Model,
     },
 };
@@ -273,7 +273,8 @@ fn a_texture_has_its_own_coordinates_and_colours_have_alpha() {
         assert_eq!((&mesh.uvs, material.alpha_mode), (&mesh.uvs2, Alpha::Mask(0.5)));
         let [base, rough] = [Slot::BaseColor, Slot::MetallicRoughness].map(|slot| material.texture(slot).expect("one"));
         assert_eq!((base.set, rough.set), (0, 1), "sets 3 and 0 of the file");
-        assert!(base.is_plain() && rough.transform.transform_point2(Vec2::ONE) == Vec2::new(2.0, 3.0));
+        assert_eq!(base, TextureUse::plain(base.texture));
+        assert_eq!(rough.transform.transform_point2(Vec2::ONE), Vec2::new(2.0, 3.0));
         assert!(mesh.colors[0].abs_diff_eq(first.into(), 0.01), "{:?}", mesh.colors);
         let scene = scene_of(model);
         let [a, b] = [base, rough].map(|texture| texture.set);

@@ -1,8 +1,9 @@
 //! Scene truth against closed forms, and the captured panorama against the room it was taken in.
 
+use crate::common::{close, mean, object, open, sampled};
 use glam::{Quat, Vec3, vec3};
 use iprt::{
-    gpu::{Gpu, GpuOptions},
+    gpu::Gpu,
     reference::{
         capture::{COLOR_FILE, CaptureSettings, capture, capture_cached},
         path_trace::{LightSampling, PathSettings, PathTracer, Sums},
@@ -13,38 +14,16 @@ use iprt::{
         camera::CameraTrack,
         file::RenderSettings,
         material::Material,
-        model::{Mesh, Model},
+        model::Model,
         shapes::Shape,
         viewpoint::Viewpoint,
     },
 };
 use std::sync::Arc;
 
-fn open() -> Gpu {
-    let device = std::env::var("IPRT_DEVICE").ok();
-    Gpu::new(&GpuOptions { device, validation: true, ..Default::default() })
-        .expect("tests need a Vulkan device and the validation layer")
-}
-
-/// Destroys the device and demands that validation had nothing to say.
-fn close(gpu: Gpu) {
-    let messages = gpu.destroy().expect("nothing holds the device");
-    assert!(messages.is_empty(), "{messages:#?}");
-}
-
 fn lambert(albedo: f32, emissive: f32) -> Material {
     let material = Material::plain("lambert", Vec3::splat(albedo), 1.0);
     Material { specular: 0.0, emissive: Vec3::splat(emissive), ..material }
-}
-
-fn object(mesh: Mesh, material: Material, translation: Vec3) -> Object {
-    Object {
-        name: mesh.name.clone(),
-        model: Arc::new(Model::from_mesh(mesh, material)),
-        placement: Placement::fixed(Transform { translation, ..Transform::IDENTITY }),
-        clip: None,
-        speed: 1.0,
-    }
 }
 
 fn trace(gpu: &Gpu, objects: Vec<Object>, viewpoint: &Viewpoint, settings: &PathSettings, samples: u32) -> Sums {
@@ -64,19 +43,8 @@ fn trace(gpu: &Gpu, objects: Vec<Object>, viewpoint: &Viewpoint, settings: &Path
     let camera = CameraTrack::at_point(Vec3::ZERO);
     let scene = Scene::assemble("test", panorama, camera, objects, RenderSettings::default()).expect("a good scene");
     let state = scene.at(0.0, 0.0);
-    let mut tracer =
-        PathTracer::new(gpu, &scene.packed, &state.instances, Vec3::ZERO, viewpoint, settings).expect("fits");
-    for _ in 0..samples {
-        tracer.sample().expect("runs");
-    }
-    tracer.read().expect("reads")
-}
-
-/// Mean of the green channel.
-fn mean(sums: &Sums) -> f32 {
-    let radiance = sums.radiance();
-    assert!(radiance.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
-    radiance.iter().map(|c| c[1]).sum::<f32>() / radiance.len() as f32
+    let tracer = PathTracer::new(gpu, &scene.packed, &state.instances, Vec3::ZERO, viewpoint, settings).expect("fits");
+    sampled(tracer, samples)
 }
 
 const SMALL: PathSettings =

@@ -4,10 +4,10 @@ use crate::common::*;
 use glam::{Vec3, vec2, vec3};
 use iprt::{
     Error,
-    gpu::{FrameOptions, Gpu, GpuOptions},
+    gpu::FrameOptions,
     options::RenderOptions,
     panorama::{
-        mapping::{bilinear, direction_f32},
+        mapping::{bilinear, direction},
         source::{PanoramaFrame, PanoramaSource},
     },
     renderer::{Renderer, Wishes},
@@ -56,7 +56,7 @@ fn without_objects_the_picture_is_the_panorama() {
         for (i, texel) in aov(&renderer, "radiance").iter().enumerate() {
             let uv = (vec2((i as u32 % size[0]) as f32, (i as u32 / size[0]) as f32) + 0.5)
                 / vec2(size[0] as f32, size[1] as f32);
-            let expected = bilinear(&panorama, direction_f32(uv));
+            let expected = bilinear(&panorama, direction(uv.as_dvec2()).as_vec3());
             let error = (Vec3::from_slice(texel) / expected - 1.0).abs().max_element();
             assert!(error < 1e-4, "equirect at {uv}: {error}");
         }
@@ -207,8 +207,7 @@ fn every_barrier_is_needed() {
 /// The tracker that chooses barriers also judges them, so another opinion is asked.
 #[test]
 fn canary_the_layer_sees_a_barrier_that_is_missing_from_a_frame() {
-    let device = std::env::var("IPRT_DEVICE").ok();
-    let gpu = Gpu::new(&GpuOptions { device, validation: true, ..Default::default() }).expect("a device and the layer");
+    let gpu = open();
     let track = camera(Vec3::ZERO, Vec3::NEG_Z, 60.0);
     let scene = scene(small_room(), track, vec![ball(0.3, lambert(0.5), vec3(0.1, -0.2, -1.4))]);
     let mut renderer = Renderer::new(&gpu, &scene, options(Method::Iprt, &[])).expect("fits");

@@ -32,9 +32,8 @@ struct Said {
 impl Cached {
     fn new() -> Self {
         let folder = Self(Folder::empty());
-        let texels =
-            |x: u32, y: u32| image::Rgb(if (x / 8 + y / 8).is_multiple_of(3) { [250, 240, 200] } else { [60, 70, 90] });
-        image::RgbImage::from_fn(64, 32, texels).save(folder.path("room.png")).expect("writes");
+        let panels = |x: u32, y: u32| if (x / 8 + y / 8).is_multiple_of(3) { [250, 240, 200] } else { [60, 70, 90] };
+        folder.0.paint("room.png", panels);
         folder.0.write("scene.toml", SCENE);
         folder
     }

@@ -1,7 +1,7 @@
 //! What the program prints: whoever reads it may leave, a full disk is told, nothing in a name moves the cursor,
 //! and no signal leaves half a file.
 
-use crate::folder::Folder;
+use crate::folder::{Folder, SCENE};
 use std::{
     fs::File,
     path::{Path, PathBuf},
@@ -9,25 +9,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-const SCENE: &str = r#"
-[panorama]
-color = "room.png"
-depth = { box = [4, 3, 5] }
-[camera]
-size = [16, 12]
-[[object]]
-name = "ball"
-shape = "sphere"
-size = [0.6, 0.6, 0.6]
-translation = [0, -0.2, -1.5]
-"#;
-
-/// A box room of 64x32 texels with a ball, as a file and as a model.
+/// A folder with a small scene, and its room as a model.
 fn folder() -> Folder {
-    let folder = Folder::empty();
-    let texels = |x: u32, y: u32| image::Rgb([(4 * x) as u8, (8 * y) as u8, 90]);
-    image::RgbImage::from_fn(64, 32, texels).save(folder.path("room.png")).expect("writes");
-    folder.write("scene.toml", SCENE);
+    let folder = Folder::with_scene();
     let room = iprt::scene::model::Model::from_mesh(
         iprt::scene::shapes::Shape::Box.mesh(glam::vec3(4.0, 3.0, 5.0)),
         iprt::scene::material::Material::plain("wall", glam::Vec3::splat(0.5), 1.0),

@@ -1,6 +1,6 @@
 //! Scene truth against closed forms, against itself by other ways of sampling, and what interruption and many samples do to it.
 
-use crate::common::{fine_ball, lambert, object, validated};
+use crate::common::{fine_ball, lambert, mean, object, sampled, validated};
 use glam::{Quat, Vec3, vec3};
 use iprt::{
     gpu::Gpu,
@@ -37,18 +37,7 @@ fn tracer(gpu: &Gpu, scene: &CompleteScene, viewpoint: &Viewpoint, settings: &Pa
 }
 
 fn trace(gpu: &Gpu, scene: &CompleteScene, viewpoint: &Viewpoint, settings: &PathSettings, samples: u32) -> Sums {
-    let mut tracer = tracer(gpu, scene, viewpoint, settings);
-    for _ in 0..samples {
-        tracer.sample().expect("runs");
-    }
-    tracer.read().expect("reads")
-}
-
-/// Mean of the green channel.
-fn mean(sums: &Sums) -> f32 {
-    let radiance = sums.radiance();
-    assert!(radiance.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
-    radiance.iter().map(|c| c[1]).sum::<f32>() / radiance.len() as f32
+    sampled(tracer(gpu, scene, viewpoint, settings), samples)
 }
 
 /// One point of the floor y = 0 below the origin, seen from half a metre above.

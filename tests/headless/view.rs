@@ -91,9 +91,8 @@ fn room() -> Folder {
     let folder = Folder::empty();
     for frame in 0..2 {
         // a bright ceiling, a grey rest; the second frame is redder
-        let texel = |_, y: u32| image::Rgb(if y < 8 { [250, 250, 250] } else { [90 + 60 * frame, 90, 90] });
-        let name = format!("room_{frame}.png");
-        image::RgbImage::from_fn(64, 32, texel).save(folder.path(&name)).expect("writes");
+        let texel = |_, y| if y < 8 { [250, 250, 250] } else { [90 + 60 * frame, 90, 90] };
+        folder.paint(&format!("room_{frame}.png"), texel);
     }
     folder.write("scene.toml", SCENE);
     folder

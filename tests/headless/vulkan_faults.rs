@@ -171,8 +171,7 @@ impl Tried<'_> {
 fn folder() -> Folder {
     let folder = Folder::empty();
     for frame in 0..2 {
-        let texels = |x: u32, y: u32| image::Rgb([(4 * x) as u8, (8 * y) as u8, 90 + frame]);
-        image::RgbImage::from_fn(64, 32, texels).save(folder.path(&format!("room_{frame}.png"))).expect("writes");
+        folder.paint(&format!("room_{frame}.png"), |x, y| [(4 * x) as u8, (8 * y) as u8, 90 + frame]);
     }
     folder.write("scene.toml", SCENE);
     folder

@@ -77,7 +77,7 @@ impl Keys {
 
     /// Checks that there are this many values in all.
     fn check(&self, found: usize, a_key: usize, user: &str) -> Read<()> {
-        let per_key = if self.join == Join::CubicSpline { 3 } else { 1 };
+        let per_key = self.join.per_key();
         if self.times.is_empty() || self.times.len() * per_key * a_key != found || a_key == 0 {
             return Err(fault(format!("{user}: has {} times and {found} values", self.times.len())));
         }
@@ -88,7 +88,7 @@ impl Keys {
 fn weights(file: &File, animation: Json, channel: Json, node: usize, user: &str) -> Read<Weights> {
     let keys = Keys::read(file, animation, channel, user)?;
     let values: Vec<f32> = keys.values.vectors(user)?.into_iter().map(|[weight]| weight).collect();
-    let per_key = if keys.join == Join::CubicSpline { 3 } else { 1 };
+    let per_key = keys.join.per_key();
     keys.check(values.len(), values.len() / (keys.times.len() * per_key).max(1), user)?;
     if !values.iter().all(|value| value.is_finite()) {
         return Err(fault(format!("{user}: holds a number that is not finite")));

@@ -10,7 +10,7 @@ use crate::{
         model::{Local, Mesh, Model},
     },
 };
-use glam::{Affine2, Mat4, Vec3};
+use glam::{Affine2, Mat4, Vec2, Vec3};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -50,7 +50,9 @@ struct Writer {
 type Kind = (u32, &'static str);
 const F32: u32 = 5126;
 const U32: u32 = 5125;
+const VEC2: Kind = (F32, "VEC2");
 const VEC3: Kind = (F32, "VEC3");
+const VEC4: Kind = (F32, "VEC4");
 const VERTICES: Option<u32> = Some(34962);
 const INDICES: Option<u32> = Some(34963);
 
@@ -155,9 +157,11 @@ impl Writer {
             Some(info)
         };
         let mut extensions = Map::new();
-        let mut extension = |name: &'static str, content: Value| {
-            used.push(name);
-            extensions.insert(name.to_owned(), object(content));
+        let mut extension = |needed: bool, name: &'static str, content: Value| {
+            if needed {
+                used.push(name);
+                extensions.insert(name.to_owned(), object(content));
+            }
         };
         // What is unlit emits its colour, and is read so.
         let (color, color_texture) = match source.unlit {
@@ -183,79 +187,66 @@ impl Writer {
             "alphaMode": mode,
             "alphaCutoff": cutoff,
         });
-        if source.unlit {
-            extension("KHR_materials_unlit", json!({}));
-        } else {
+        extension(source.unlit, "KHR_materials_unlit", json!({}));
+        if !source.unlit {
             // Factors end at 1. A power of two moves into the strength, which keeps every bit.
             let most = source.emissive.max_element();
             let strength = if most > 1.0 { most.log2().ceil().exp2() } else { 1.0 };
             out["normalTexture"] = json!(scaled(Slot::Normal, source.normal_scale));
             out["emissiveTexture"] = json!(info(Slot::Emissive));
             out["emissiveFactor"] = json!((source.emissive / strength).to_array());
-            let specular = json!({
+            let content = json!({
                 "specularFactor": source.specular,
                 "specularTexture": info(Slot::Specular),
                 "specularColorFactor": source.specular_color.to_array(),
                 "specularColorTexture": info(Slot::SpecularColor),
             });
-            extension("KHR_materials_specular", specular);
-            if source.ior != 1.5 {
-                extension("KHR_materials_ior", json!({ "ior": source.ior }));
-            }
-            if strength > 1.0 {
-                extension("KHR_materials_emissive_strength", json!({ "emissiveStrength": strength }));
-            }
-            if source.transmission > 0.0 {
-                let content = json!({ "transmissionFactor": source.transmission, "transmissionTexture": info(Slot::Transmission) });
-                extension("KHR_materials_transmission", content);
-            }
-            if source.thickness > 0.0 {
-                let distance = source.attenuation_distance;
-                let content = json!({
-                    "thicknessFactor": source.thickness,
-                    "attenuationColor": source.attenuation_color.to_array(),
-                    "attenuationDistance": distance.is_finite().then_some(distance),
-                });
-                extension("KHR_materials_volume", content);
-            }
-            if source.clearcoat > 0.0 {
-                let content = json!({
-                    "clearcoatFactor": source.clearcoat,
-                    "clearcoatTexture": info(Slot::Clearcoat),
-                    "clearcoatRoughnessFactor": source.clearcoat_roughness,
-                    "clearcoatRoughnessTexture": info(Slot::ClearcoatRoughness),
-                    "clearcoatNormalTexture": scaled(Slot::ClearcoatNormal, source.clearcoat_normal_scale),
-                });
-                extension("KHR_materials_clearcoat", content);
-            }
-            if source.sheen_color != Vec3::ZERO {
-                let content = json!({
-                    "sheenColorFactor": source.sheen_color.to_array(),
-                    "sheenColorTexture": info(Slot::SheenColor),
-                    "sheenRoughnessFactor": source.sheen_roughness,
-                    "sheenRoughnessTexture": info(Slot::SheenRoughness),
-                });
-                extension("KHR_materials_sheen", content);
-            }
-            if source.anisotropy > 0.0 {
-                let content = json!({
-                    "anisotropyStrength": source.anisotropy,
-                    "anisotropyRotation": source.anisotropy_rotation,
-                    "anisotropyTexture": info(Slot::Anisotropy),
-                });
-                extension("KHR_materials_anisotropy", content);
-            }
-            if source.iridescence > 0.0 {
-                let content = json!({
-                    "iridescenceFactor": source.iridescence,
-                    "iridescenceTexture": info(Slot::Iridescence),
-                    "iridescenceIor": source.iridescence_ior,
-                    "iridescenceThicknessMinimum": source.iridescence_thickness.x,
-                    "iridescenceThicknessMaximum": source.iridescence_thickness.y,
-                    "iridescenceThicknessTexture": info(Slot::IridescenceThickness),
-                });
-                extension("KHR_materials_iridescence", content);
-            }
+            extension(true, "KHR_materials_specular", content);
+            extension(source.ior != 1.5, "KHR_materials_ior", json!({ "ior": source.ior }));
+            let content = json!({ "emissiveStrength": strength });
+            extension(strength > 1.0, "KHR_materials_emissive_strength", content);
+            let content = json!({
+                "transmissionFactor": source.transmission,
+                "transmissionTexture": info(Slot::Transmission),
+            });
+            extension(source.transmission > 0.0, "KHR_materials_transmission", content);
+            let distance = source.attenuation_distance;
+            let content = json!({
+                "thicknessFactor": source.thickness,
+                "attenuationColor": source.attenuation_color.to_array(),
+                "attenuationDistance": distance.is_finite().then_some(distance),
+            });
+            extension(source.thickness > 0.0, "KHR_materials_volume", content);
+            let content = json!({
+                "clearcoatFactor": source.clearcoat,
+                "clearcoatTexture": info(Slot::Clearcoat),
+                "clearcoatRoughnessFactor": source.clearcoat_roughness,
+                "clearcoatRoughnessTexture": info(Slot::ClearcoatRoughness),
+                "clearcoatNormalTexture": scaled(Slot::ClearcoatNormal, source.clearcoat_normal_scale),
+            });
+            extension(source.clearcoat > 0.0, "KHR_materials_clearcoat", content);
+            let content = json!({
+                "sheenColorFactor": source.sheen_color.to_array(),
+                "sheenColorTexture": info(Slot::SheenColor),
+                "sheenRoughnessFactor": source.sheen_roughness,
+                "sheenRoughnessTexture": info(Slot::SheenRoughness),
+            });
+            extension(source.sheen_color != Vec3::ZERO, "KHR_materials_sheen", content);
+            let content = json!({
+                "anisotropyStrength": source.anisotropy,
+                "anisotropyRotation": source.anisotropy_rotation,
+                "anisotropyTexture": info(Slot::Anisotropy),
+            });
+            extension(source.anisotropy > 0.0, "KHR_materials_anisotropy", content);
+            let content = json!({
+                "iridescenceFactor": source.iridescence,
+                "iridescenceTexture": info(Slot::Iridescence),
+                "iridescenceIor": source.iridescence_ior,
+                "iridescenceThicknessMinimum": source.iridescence_thickness.x,
+                "iridescenceThicknessMaximum": source.iridescence_thickness.y,
+                "iridescenceThicknessTexture": info(Slot::IridescenceThickness),
+            });
+            extension(source.iridescence > 0.0, "KHR_materials_iridescence", content);
         }
         out["extensions"] = extensions.into();
         self.extensions.extend(used);
@@ -280,30 +271,28 @@ impl Writer {
             let bounds = Some([fold(Vec3::min), fold(Vec3::max)].map(|bound| json!(bound)));
             let count = used.len();
             let mut attributes = Map::new();
-            let index = self.accessor(bytemuck::cast_slice(&positions), count, VEC3, VERTICES, bounds);
-            attributes.insert("POSITION".into(), index.into());
+            let mut attribute = |name: &str, bytes: &[u8], kind, bounds| {
+                let index = self.accessor(bytes, count, kind, VERTICES, bounds);
+                attributes.insert(name.into(), index.into());
+            };
+            attribute("POSITION", bytemuck::cast_slice(&positions), VEC3, bounds);
             let normals: Vec<Vec3> = used.iter().map(|v| mesh.normals[*v]).collect();
-            let index = self.accessor(bytemuck::cast_slice(&normals), count, VEC3, VERTICES, None);
-            attributes.insert("NORMAL".into(), index.into());
+            attribute("NORMAL", bytemuck::cast_slice(&normals), VEC3, None);
             if !mesh.uvs.is_empty() {
-                let uvs: Vec<glam::Vec2> = used.iter().map(|v| mesh.uvs[*v]).collect();
-                let index = self.accessor(bytemuck::cast_slice(&uvs), count, (F32, "VEC2"), VERTICES, None);
-                attributes.insert("TEXCOORD_0".into(), index.into());
+                let uvs: Vec<Vec2> = used.iter().map(|v| mesh.uvs[*v]).collect();
+                attribute("TEXCOORD_0", bytemuck::cast_slice(&uvs), VEC2, None);
             }
-            if mesh.uvs2.iter().any(|uv| *uv != glam::Vec2::ZERO) {
-                let uvs: Vec<glam::Vec2> = used.iter().map(|v| mesh.uvs2[*v]).collect();
-                let index = self.accessor(bytemuck::cast_slice(&uvs), count, (F32, "VEC2"), VERTICES, None);
-                attributes.insert("TEXCOORD_1".into(), index.into());
+            if mesh.uvs2.iter().any(|uv| *uv != Vec2::ZERO) {
+                let uvs: Vec<Vec2> = used.iter().map(|v| mesh.uvs2[*v]).collect();
+                attribute("TEXCOORD_1", bytemuck::cast_slice(&uvs), VEC2, None);
             }
             if !mesh.colors.is_empty() {
                 let colors: Vec<[f32; 4]> = used.iter().map(|v| mesh.colors[*v].to_array()).collect();
-                let index = self.accessor(bytemuck::cast_slice(&colors), count, (F32, "VEC4"), VERTICES, None);
-                attributes.insert("COLOR_0".into(), index.into());
+                attribute("COLOR_0", bytemuck::cast_slice(&colors), VEC4, None);
             }
             let tangents: Vec<[f32; 4]> = used.iter().filter_map(|v| mesh.tangents.get(*v).copied()).collect();
             if tangents.iter().any(|tangent| *tangent != [0.0; 4]) {
-                let index = self.accessor(bytemuck::cast_slice(&tangents), count, (F32, "VEC4"), VERTICES, None);
-                attributes.insert("TANGENT".into(), index.into());
+                attribute("TANGENT", bytemuck::cast_slice(&tangents), VEC4, None);
             }
             let bytes = bytemuck::cast_slice(&indices);
             let indices = self.accessor(bytes, indices.len(), (U32, "SCALAR"), INDICES, None);
@@ -343,7 +332,7 @@ impl Writer {
                 let input = self.accessor(bytes, times.len(), (F32, "SCALAR"), None, Some(ends));
                 let (path, kind, width) = match channel.property {
                     Property::Translation => ("translation", VEC3, 3),
-                    Property::Rotation => ("rotation", (F32, "VEC4"), 4),
+                    Property::Rotation => ("rotation", VEC4, 4),
                     Property::Scale => ("scale", VEC3, 3),
                 };
                 let values: Vec<f32> =

@@ -1,17 +1,6 @@
 //! Cases about objects whose influence the picture's own depth does not hold.
 
-use super::{CHANGE, CHANGE_WHY, FLOOR, colourful, room};
-use crate::{
-    Result,
-    settings::Method,
-    stability::{
-        Case, Outcome, Run,
-        film::Film,
-        metric,
-        world::{Thing, World},
-    },
-};
-use glam::vec3;
+use super::*;
 
 pub const CASES: &[Case] = &[
     Case {

@@ -1,18 +1,10 @@
 //! Cases about depth as estimators give it: wrong, torn, unsteady.
 
-use super::{FLOOR, SEEN, SEEN_WHY, colourful, room};
+use super::*;
 use crate::{
-    Result,
     measure::sequence::{Sequence, flicker},
     panorama::{mapping::texel_direction, source::PanoramaFrame},
-    stability::{
-        Case, Outcome, Run,
-        film::Film,
-        metric,
-        world::{Thing, World},
-    },
 };
-use glam::vec3;
 
 pub const CASES: &[Case] = &[
     Case {

@@ -1,21 +1,14 @@
 //! Cases with nothing, very little, very much, very many frames, and a repeat.
 
-use super::{FLOOR, SEEN, colourful, even, room};
+use super::*;
 use crate::{
-    Error, Result,
+    Error,
     panorama::{
         depth::box_depth,
         source::{PanoramaFrame, PanoramaSource},
     },
     scene::Scene,
-    stability::{
-        Case, Outcome, Run,
-        film::{FPS, Film},
-        metric,
-        world::{Thing, World},
-    },
 };
-use glam::{Vec3, vec3};
 
 pub const CASES: &[Case] = &[
     Case {

@@ -1,17 +1,6 @@
 //! Cases about lamps, darkness and clipped light.
 
-use super::{FLOOR, SEEN, SEEN_WHY, colourful, room};
-use crate::{
-    Result,
-    settings::Method,
-    stability::{
-        Case, Outcome, Run,
-        film::Film,
-        metric,
-        world::{Lamp, Thing, World},
-    },
-};
-use glam::{Vec3, vec2, vec3};
+use super::*;
 
 pub const CASES: &[Case] = &[
     Case {

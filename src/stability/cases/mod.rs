@@ -8,11 +8,15 @@ mod motion;
 mod panorama;
 mod surfaces;
 
+// Also what the cases share: each file takes it by `use super::*`.
 use super::{
-    Case,
-    world::{Block, Eye, World},
+    Case, Outcome, Run,
+    film::{FPS, Film},
+    metric::{self, Texels},
+    world::{Block, Eye, Form, Lamp, Thing, World, WorldTruth},
 };
-use glam::{Vec3, vec3};
+use crate::{Result, settings::Method};
+use glam::{Vec3, vec2, vec3};
 
 /// Returns all cases, in the order of the report.
 pub fn all() -> Vec<Case> {
@@ -61,4 +65,9 @@ fn room(paint: fn(Vec3, Vec3) -> Vec3, target: Vec3, fov_y: f32) -> World {
         eye: Eye { at: Vec3::ZERO, target, fov_y },
         relit: false,
     }
+}
+
+/// Measures FLIP over what things make of the picture, in the worst of some frames.
+fn worst_flip(run: &Run, film: &Film, frames: impl IntoIterator<Item = usize>) -> Result<Outcome> {
+    run.worst(film, frames, |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.concerned(), 1.0))
 }

@@ -1,20 +1,11 @@
 //! Cases about what changes: casters, lamps, shots, the camera, the real room.
 
-use super::{FLOOR, SEEN, SEEN_WHY, colourful, room};
-use crate::{
-    Result,
-    measure::{
-        motion::{Seen, motion},
-        sequence::{Sequence, ghost_energy, warped_difference},
-    },
-    stability::{
-        Case, Outcome, Run,
-        film::Film,
-        metric::{self, Texels},
-        world::{Block, Eye, Lamp, Thing, World},
-    },
+use super::*;
+use crate::measure::{
+    motion::{Seen, motion},
+    sequence::{Sequence, ghost_energy, warped_difference},
 };
-use glam::{Quat, Vec3, vec2, vec3};
+use glam::Quat;
 
 const LEFT: &str = "share of the change that is still missing in the third frame after it, on the way to what the method shows when it starts anew, pixels that change";
 const LEFT_WHY: &str =
@@ -102,11 +93,6 @@ pub const CASES: &[Case] = &[
         run: moving_furniture,
     },
 ];
-
-/// Measures FLIP over what things make of the picture, in the worst of some frames.
-fn worst_flip(run: &Run, film: &Film, frames: impl IntoIterator<Item = usize>) -> Result<Outcome> {
-    run.worst(film, frames, |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.concerned(), 1.0))
-}
 
 /// Returns the share of a film's step between `before` and `before + 1` that is missing in the third frame
 /// after it. The whole step leads from what the method shows before it to what it shows when it starts anew.

@@ -1,16 +1,6 @@
 //! Cases about the panorama's special places: seam, poles, turning.
 
-use super::{CHANGE_WHY, FLOOR, SEEN, SEEN_WHY, colourful, even, room};
-use crate::{
-    Result,
-    stability::{
-        Case, Outcome, Run,
-        film::Film,
-        metric,
-        world::{Lamp, Thing, World},
-    },
-};
-use glam::{Vec3, vec2, vec3};
+use super::*;
 use std::f32::consts::{PI, TAU};
 
 pub const CASES: &[Case] = &[

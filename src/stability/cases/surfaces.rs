@@ -1,18 +1,7 @@
 //! Cases about surfaces that a depth map does not hold well: edges, thin things, grazing rays, hidden sides.
 //! Objects also stand where they cannot be.
 
-use super::{CHANGE, CHANGE_WHY, FLOOR, ROOM, SEEN, SEEN_WHY, colourful, room};
-use crate::{
-    Result,
-    settings::Method,
-    stability::{
-        Case, Outcome, Run,
-        film::Film,
-        metric,
-        world::{Block, Eye, Form, Lamp, Thing, World, WorldTruth},
-    },
-};
-use glam::{Vec3, vec2, vec3};
+use super::*;
 
 pub const CASES: &[Case] = &[
     Case {
@@ -117,18 +106,13 @@ pub const CASES: &[Case] = &[
     },
 ];
 
-/// Measures FLIP over all that things make of the picture.
-fn concerned(run: &Run, film: &Film) -> Result<Outcome> {
-    run.worst(film, [0], |test, truth| metric::flip(truth.size, test, &truth.texels, &truth.concerned(), 1.0))
-}
-
 fn silhouettes(run: &Run) -> Result<Outcome> {
     let film = Film::still(run.size(), 16, || World {
         furniture: vec![Block::around(vec3(-0.25, FLOOR + 0.5, -1.1), vec3(0.9, 1.0, 0.3))],
         things: vec![Thing::ball(0.35, 0.7, vec3(0.35, FLOOR + 0.45, -1.75))],
         ..room(colourful, vec3(0.1, -1.0, -1.5), 55.0)
     });
-    concerned(run, &film)
+    worst_flip(run, &film, [0])
 }
 
 fn thin_posts(run: &Run) -> Result<Outcome> {
@@ -139,7 +123,7 @@ fn thin_posts(run: &Run) -> Result<Outcome> {
         things: vec![Thing::ball(0.4, 0.7, vec3(0.1, FLOOR + 0.6, -1.9))],
         ..room(colourful, vec3(0.05, -0.8, -1.6), 60.0)
     });
-    concerned(run, &film)
+    worst_flip(run, &film, [0])
 }
 
 fn grazing_rays(run: &Run) -> Result<Outcome> {
@@ -248,7 +232,7 @@ fn object_at_the_centre(run: &Run) -> Result<Outcome> {
         eye: Eye { at: vec3(0.9, 0.5, 1.5), target: vec3(-0.1, -0.5, -0.2), fov_y: 70.0 },
         ..room(|p, n| 0.6 * colourful(p, n), Vec3::ZERO, 70.0)
     });
-    concerned(run, &film)
+    worst_flip(run, &film, [0])
 }
 
 fn behind_every_surface(run: &Run) -> Result<Outcome> {
