@@ -138,7 +138,6 @@ fn prove(gpu: &Gpu, case: &Case, shown: &mut Shown) -> [Vec<Part>; 2] {
             base.bytes,
             other.bytes
         );
-        let case = case.name;
         // In a video, lamps may hang free in any frame.
         let may_come = part == Part::FreeLamps && case.scene.panorama.frame_count() > 1;
         let case = case.name;
