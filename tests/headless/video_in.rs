@@ -82,12 +82,14 @@ fn a_real_video_is_what_its_images_are() {
 #[test]
 fn seeking_and_reading_in_order_give_the_same_frames() {
     let folder = Folder::empty();
-    let in_order = open(&folder, &kandao());
+    // An estimate of lamps would be the first frame's.
+    let captured = format!("{}\nlamps = 'as captured'", kandao());
+    let in_order = open(&folder, &captured);
     let frames: Vec<_> = (0..9).map(|index| load(&in_order, index)).collect();
     let same = |a: &PanoramaFrame, b: &PanoramaFrame| a.radiance == b.radiance && a.depth == b.depth;
     assert!(!same(&frames[3], &frames[4]));
     for index in [8, 3, 4, 0] {
-        let sought = open(&folder, &format!("{}\nframes = [{index}, 174]", kandao()));
+        let sought = open(&folder, &format!("{captured}\nframes = [{index}, 174]"));
         assert!(same(&load(&sought, 0), &frames[index as usize]), "frame {index}");
     }
     // backwards, and far ahead
