@@ -264,8 +264,9 @@ fn material_overrides_replace() {
 
 #[test]
 fn render_settings_are_kept() {
-    let scene =
-        load(&format!("{PANORAMA}[render]\nmethod = 'ibl'\nexposure = 2\nset = {{ bounces = 4, relighting = 'ratio' }}\n"));
+    let scene = load(&format!(
+        "{PANORAMA}[render]\nmethod = 'ibl'\nexposure = 2\nset = {{ bounces = 4, relighting = 'ratio' }}\n"
+    ));
     assert_eq!((scene.render.method.as_str(), scene.render.exposure), ("ibl", 2.0));
     assert_eq!(scene.render.set["bounces"].as_integer(), Some(4));
     assert_eq!(scene.render.set["relighting"].as_str(), Some("ratio"));
