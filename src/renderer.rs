@@ -197,7 +197,7 @@ impl Renderer {
             if let Some(content) = &state.content {
                 self.panorama.upload(frame, content)?;
             }
-            self.scene.upload(frame, &state.packed, &state.instances, &state.movers)?;
+            self.scene.upload(frame, &state.packed, &state.instances, &state.movers, self.plan.facts.luminance)?;
             self.upload_views(frame, state)
         })
     }

@@ -71,6 +71,7 @@ struct Ray {
     PanoramaHit real;
     vec3 f;            // what the weight is made of
     float density;
+    float emitters;    // the share of rays that are drawn from the emitters
 };
 
 // Aims at a light: at a free lamp by what it sends here, or at one of the table. Returns false if the direction
@@ -140,14 +141,21 @@ struct Aim {
     uint kind;     // of a free lamp as a hit, or 0
     bool sharp;    // the lobe has no density
     vec3 sharp_weight;
-    bool emitter;  // drawn from the emitters
+    float emitters; // the share of rays that are drawn from the emitters
+    bool emitter;  // drawn from them
     uint instance; // of which it is this
     uint triangle;
 };
 
-// The share of rays that aim at emitters, where there are any.
-const float EMITTER_SHARE = 0.35;
-float emitter_share(bool sharp) { return EMITTERS == 0u || sharp || in_emitters.count == 0u ? 0.0 : EMITTER_SHARE; }
+// Returns the share of rays from x that aim at emitters: less where their light is little beside the panorama's, as
+// of spheres of their size around their centre.
+float emitter_share(vec3 x, bool sharp) {
+    if (EMITTERS == 0u || sharp || in_emitters.count == 0u) return 0.0;
+    const float MOST = 0.35;
+    vec3 off = x - in_emitters.center;
+    float light = 1.0 / (in_emitters.inverse_power * 4.0 * max(dot(off, off), in_emitters.radius * in_emitters.radius));
+    return MOST * light / (light + 0.25 * in_emitters.surroundings);
+}
 
 // Aims at a point of an emitter.
 void toward_emitter(vec3 x, float pick, vec2 u, inout Aim aim) {
@@ -163,15 +171,9 @@ void toward_emitter(vec3 x, float pick, vec2 u, inout Aim aim) {
     aim.d = normalize(point - x);
 }
 
-// Returns the density of toward_emitter, per solid angle, for what a ray along d met first of the virtual scene.
-float emitter_density(SceneHit hit, vec3 d) {
-    if (hit.instance == NONE) return 0.0;
-    float shines = luminance(in_materials.material[in_shading.triangle[hit.triangle].material].emissive);
-    TriangleGeometry tri = triangle_geometry(hit.triangle);
-    vec4 rows[3] = in_instances.instance[hit.instance].object_to_world;
-    vec3 normal = cross(transform_direction(rows, tri.e1), transform_direction(rows, tri.e2));
-    float cosine = abs(dot(normal, d)) * inversesqrt(max(dot(normal, normal), 1e-30));
-    return shines * in_emitters.inverse_power * hit.t * hit.t / max(cosine, 1e-6);
+// Returns the density of toward_emitter, per solid angle, for a surface that a ray along d met at t.
+float emitter_density(Surface s, float t, vec3 d) {
+    return s.shines * in_emitters.inverse_power * t * t / max(abs(dot(s.geometric, d)), 1e-6);
 }
 
 // Returns the share of rays that are drawn from the lights. Few of those fall into a narrow lobe, which finds what
@@ -197,9 +199,9 @@ vec3 first_numbers(ivec2 p, uint layer) {
 Aim aim(vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye, vec3 numbers, inout Random random) {
     Aim aim;
     aim.sharp = SPECULAR != 0u && bsdf_is_sharp(s, lobe);
-    float emitters = emitter_share(aim.sharp);
-    aim.emitter = EMITTERS != 0u && numbers.z < emitters;
-    if (EMITTERS != 0u) numbers.z = (numbers.z - emitters) / (1.0 - emitters);
+    aim.emitters = emitter_share(near, aim.sharp);
+    aim.emitter = EMITTERS != 0u && numbers.z < aim.emitters;
+    if (EMITTERS != 0u) numbers.z = (numbers.z - aim.emitters) / (1.0 - aim.emitters);
     aim.light = !aim.emitter && numbers.z < light_share(aim.sharp, lobe, s);
     aim.far = false;
     aim.kind = 0u;
@@ -219,7 +221,7 @@ Aim aim(vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye, vec3 numb
 
 // Traces the real scene along it.
 Ray trace(Aim aim, vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye) {
-    Ray ray = Ray(aim.d, vec3(0.0), PanoramaHit(FAR, vec2(0.0), FREE, vec3(0.0)), vec3(0.0), 0.0);
+    Ray ray = Ray(aim.d, vec3(0.0), PanoramaHit(FAR, vec2(0.0), FREE, vec3(0.0)), vec3(0.0), 0.0, 0.0);
     if (!aim.possible) return ray;
     ray.real = real_trace(x, near, ray.d);
     if (aim.sharp) { ray.weight = aim.sharp_weight; return ray; }
@@ -228,22 +230,26 @@ Ray trace(Aim aim, vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye
     vec3 f = bsdf_evaluate(s, l, lobe, to_eye, ray.d, density);
     float p = (1.0 - share) * density + (share > 0.0 ? share * lights_density(x, near, s.normal, ray.d, ray.real) : 0.0);
     if (EMITTERS != 0u) {
-        p *= 1.0 - emitter_share(aim.sharp);
+        p *= 1.0 - aim.emitters;
         ray.f = f;
         ray.density = p;
+        ray.emitters = aim.emitters;
         if (aim.emitter) return ray; // what was aimed at is no real surface
     }
     if (p > 0.0) ray.weight = f / p;
     return ray;
 }
 
-// Returns the weight of what a ray brings that met `hit` of the virtual scene first.
+// Returns the weight of what a ray brings that met `hit` of the virtual scene first, but for emitted_share.
 vec3 mixed_weight(Ray ray, Aim aim, SceneHit hit) {
-    if (EMITTERS == 0u || aim.sharp || ray.density <= 0.0) return ray.weight;
-    if (aim.emitter && (hit.instance != aim.instance || hit.triangle != aim.triangle)) return vec3(0.0);
-    // A lamp or lobe that was drawn and does not count brings nothing.
-    if (!aim.emitter && ray.weight == vec3(0.0)) return vec3(0.0);
-    return ray.f / (ray.density + emitter_share(aim.sharp) * emitter_density(hit, ray.d));
+    if (EMITTERS == 0u || !aim.emitter || ray.density <= 0.0) return ray.weight;
+    return hit.instance == aim.instance && hit.triangle == aim.triangle ? ray.f / ray.density : vec3(0.0);
+}
+
+// What a ray brings that met a surface is worth less if rays are aimed at it, too.
+float emitted_share(Ray ray, Surface s, float t) {
+    if (EMITTERS == 0u || ray.density <= 0.0) return 1.0;
+    return ray.density / (ray.density + ray.emitters * emitter_density(s, t, ray.d));
 }
 
 const uint MOST_BOUNDARIES = 12u; // of glass, beside the bounces
@@ -260,7 +266,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
         width += 0.05 * hit.t;
         vec3 seen_along = VIRTUAL_TRACER == SCREEN ? screen_direction(hit, ray.d) : ray.d;
         Surface s = scene_surface(hit, seen_along, width);
-        throughput *= solid_passes(s, hit.t);
+        throughput *= solid_passes(s, hit.t) * emitted_share(ray, s, hit.t);
         if (EMISSION != 0u) sum += throughput * s.emissive;
         vec3 to_eye = -seen_along;
         Lobes l = bsdf_lobes(s, to_eye);
@@ -278,6 +284,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
                 throughput *= next.sharp_weight / bsdf_probability(l, lobe);
                 origin = surface_origin_along(s, ray.d);
                 ray.real.t = ray.real.t < FAR ? max(ray.real.t - hit.t, 0.0) : FAR;
+                ray.density = 0.0; // what lies behind was not aimed at
                 hit.instance = NONE;
                 if (INTERREFLECTION != 0u && boundaries < 2u * MOST_BOUNDARIES) hit = virtual_trace(origin, ray.d, ray.real.t, random);
                 continue;

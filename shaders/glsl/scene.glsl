@@ -20,6 +20,7 @@ struct Surface {
     float metallic;
     float roughness;
     vec3 emissive;
+    float shines; // luminance of what its material emits, without texture
     vec3 f0; // Fresnel reflectance at normal incidence and at grazing
     float f90;
     // Each of these is valid if its part is on.
@@ -329,6 +330,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     s.metallic = m.metallic;
     s.roughness = m.roughness;
     s.emissive = EMISSION != 0u ? m.emissive : vec3(0.0);
+    s.shines = luminance(s.emissive);
     s.alpha = m.alpha;
     if ((v0.color & v1.color & v2.color) != 0xffffffffu) {
         vec3 c0 = unpackUnorm4x8(v0.color).rgb, c1 = unpackUnorm4x8(v1.color).rgb, c2 = unpackUnorm4x8(v2.color).rgb;

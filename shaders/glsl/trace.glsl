@@ -70,42 +70,44 @@ void cross_leaf(uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, b
 // Splits a word into its four bytes.
 vec4 bytes(uint word) { return vec4(ivec4(uvec4(word, word >> 8u, word >> 16u, word >> 24u) & 0xffu)); }
 
+// Returns the distances of the four children's planes, float bits.
+ivec4 distances(uint word, float scale, float base) { return floatBitsToInt(bytes(word) * scale + base); }
+
+// Says which children of a node come first: bit 0 flips columns, bit 1 rows. Azimuth grows or falls along a whole ray,
+// polar angle mostly does.
+uint first_child(vec3 origin, vec3 d) {
+    bool left = origin.x * d.z < origin.z * d.x;
+    bool up = d.y * dot(origin, origin) > origin.y * dot(origin, d);
+    return uint(left) | uint(up) << 1u;
+}
+
 // Finds the nearest crossing in (t_min, t_max) of what can be hit, or any crossing of a skirt's far side.
-// There is no stack of nodes: where a ray is in the pyramid says what its ancestors are. A byte for each
-// level says how many of a node's children are still to be visited and, nearest first, which. Their distances
-// are not kept. The crossings found meanwhile rule them out when their own children's boxes are met, which
-// was measured to cost less.
+// There is no stack of nodes: where a ray is in the pyramid says what its ancestors are. `left` has four bits for
+// each level, finest first: the children of its node that are still to be visited, in the order of first_child. So
+// its lowest bit is where to go next, whether down or back up.
 Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
     Crossing crossing = Crossing(t_max, NO_TRIANGLE);
     bvec3 forward = greaterThanEqual(d, vec3(0.0));
     vec3 inverse = vec3(abs(d.x) > 1e-20 ? 1.0 / d.x : 1e20, abs(d.y) > 1e-20 ? 1.0 / d.y : 1e20, abs(d.z) > 1e-20 ? 1.0 / d.z : 1e20);
     vec3 shift = -origin * inverse;
     mat3 across = basis(d);
-    uint root = far_sides ? in_view.view.pyramid_nodes : 0u;
-    uvec4 trail = uvec4(0u);
-    uint pending = 0u; // a bit for each level that has children left
-    int level = int(in_view.view.pyramid_levels) - 1; // a leaf is at -1
+    uint root = far_sides ? in_view.view.pyramid_nodes : 0u, flip = first_child(origin, d);
+    bool flip_x = (flip & 1u) != 0u, flip_y = flip > 1u;
+    int level = int(in_view.view.pyramid_levels); // a leaf is at -1
+    uvec2 left = level < 8 ? uvec2(1u << (4u * uint(level) + flip), 0u) : uvec2(0u, 1u << (4u * uint(level) - 32u + flip));
     uint x = 0u, y = 0u;
-    bool back = false, done = false;
-    const uint MISS = 0xffffffffu;
+    bool done = false;
     // One loop visits boxes, the other triangles. A group of rays that walks together is in one of them at a
     // time (Aila and Laine 2009).
     while (true) {
         while (true) {
-            if (back) {
-                if (pending == 0u) { done = true; break; }
-                int up = findLSB(pending);
-                uint bits = (uint(up) & 3u) * 8u;
-                uvec4 mask = mix(uvec4(0u), uvec4(0xffu << bits), equal(uvec4(uint(up) >> 2u), uvec4(0u, 1u, 2u, 3u)));
-                uvec4 own = trail & mask;
-                uint left = (own.x | own.y | own.z | own.w) >> bits, child = left & 3u, count = left >> 6u;
-                x = (x >> uint(up - level)) * 2u + (child & 1u);
-                y = (y >> uint(up - level)) * 2u + (child >> 1u);
-                level = up - 1;
-                if (count == 1u) pending &= pending - 1u;
-                trail = (trail & ~mask) | (mask & ((((count - 1u) << 6u) | ((left >> 2u) & 0xfu)) << bits));
-                back = false;
-            }
+            if (left == uvec2(0u)) { done = true; break; }
+            bool fine = left.x != 0u;
+            uint next = uint(findLSB(fine ? left.x : left.y)) + (fine ? 0u : 32u), child = (next & 3u) ^ flip, climb = (next >> 2u) - uint(level);
+            left = fine ? uvec2(left.x & (left.x - 1u), left.y) : uvec2(0u, left.y & (left.y - 1u));
+            x = (x >> climb) * 2u + (child & 1u);
+            y = (y >> climb) * 2u + (child >> 1u);
+            level += int(climb) - 1;
             if (level < 0) break;
             uint texel = (root + pyramid_node(uint(level), x, y)) * 3u;
             uvec4 a = imageLoad(in_pyramid, table_texel(texel)), b = imageLoad(in_pyramid, table_texel(texel + 1u)), c = imageLoad(in_pyramid, table_texel(texel + 2u));
@@ -113,36 +115,20 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
             vec3 base = uintBitsToFloat(a.xyz) * inverse + shift;
             uvec3 least = b.xyz, greatest = uvec3(b.w, c.xy);
             uvec3 near = mix(greatest, least, forward), far = mix(least, greatest, forward);
-            vec4 enter = max(max(bytes(near.x) * scale.x + base.x, bytes(near.y) * scale.y + base.y), max(bytes(near.z) * scale.z + base.z, vec4(t_min)));
-            vec4 leave = min(min(bytes(far.x) * scale.x + base.x, bytes(far.y) * scale.y + base.y), min(bytes(far.z) * scale.z + base.z, vec4(crossing.t)));
-            // Distances sort as integers. Their last bits hold the child's number.
-            uvec4 key;
-            [[unroll]] for (uint k = 0u; k < 4u; k++) {
-                // The bounds of an empty child are undefined.
-                bool met = (c.z & (1u << k)) != 0u && enter[k] <= leave[k] * 1.0000004;
-                key[k] = met ? (floatBitsToUint(abs(enter[k])) & ~3u) | k : MISS;
-            }
-            uint low0 = min(key.x, key.y), high0 = max(key.x, key.y), low1 = min(key.z, key.w), high1 = max(key.z, key.w);
-            uint first = min(low0, low1), last = max(high0, high1), between0 = max(low0, low1), between1 = min(high0, high1);
-            uint second = min(between0, between1), third = max(between0, between1);
-            if (second != MISS) {
-                uint count = 1u + uint(third != MISS) + uint(last != MISS), bits = (uint(level) & 3u) * 8u;
-                uvec4 mask = mix(uvec4(0u), uvec4(0xffu << bits), equal(uvec4(uint(level) >> 2u), uvec4(0u, 1u, 2u, 3u)));
-                uint left = (count << 6u) | ((last & 3u) << 4u) | ((third & 3u) << 2u) | (second & 3u);
-                trail = (trail & ~mask) | (mask & (left << bits));
-                pending |= 1u << uint(level);
-            }
-            back = first == MISS;
-            if (!back) {
-                x = x * 2u + (first & 1u);
-                y = y * 2u + ((first >> 1u) & 1u);
-                level--;
-            }
+            // Distances compare as integers do: of what is negative only that matters.
+            ivec4 enter = max(max(distances(near.x, scale.x, base.x), distances(near.y, scale.y, base.y)), max(distances(near.z, scale.z, base.z), ivec4(floatBitsToInt(t_min))));
+            ivec4 leave = min(min(distances(far.x, scale.x, base.x), distances(far.y, scale.y, base.y)), min(distances(far.z, scale.z, base.z), ivec4(floatBitsToInt(crossing.t))));
+            bvec4 met = lessThanEqual(intBitsToFloat(enter), intBitsToFloat(leave) * 1.0000004);
+            uvec4 bits = mix(uvec4(0u), uvec4(1u, 2u, 4u, 8u), met);
+            uint all = (bits.x | bits.y | bits.z | bits.w) & c.z; // the bounds of an empty child are undefined
+            if (flip_x) all = (all & 5u) << 1u | (all & 10u) >> 1u;
+            if (flip_y) all = (all & 3u) << 2u | all >> 2u;
+            all <<= (uint(level) & 7u) * 4u;
+            if (level < 8) left.x |= all; else left.y |= all;
         }
         if (done) break;
         cross_leaf(x, y, across, origin, d, t_min, far_sides, crossing);
         if (far_sides && crossing.triangle != NO_TRIANGLE) break;
-        back = true;
     }
     return crossing;
 }

@@ -110,13 +110,14 @@ impl SceneBuffers {
     }
 
     /// Records the upload of a frame's instances, which are relative to the panorama's centre, and of those that
-    /// have moved.
+    /// have moved. `luminance` is the panorama's on average.
     pub fn upload(
         &self,
         frame: &mut Frame,
         scene: &PackedScene,
         state: &PackedInstances,
         movers: &[Mover],
+        luminance: f32,
     ) -> Result<()> {
         frame.write_buffer(&self.movers, 0, movers)?;
         if let Some(deformed) = self.deformed.as_ref().filter(|_| !state.patches.is_empty()) {
@@ -128,7 +129,13 @@ impl SceneBuffers {
         // Too many lights are found by chance, as none is then aimed at.
         let lights = if table.lights.len() <= room { &table.lights[..] } else { &[] };
         let inverse_power = if lights.is_empty() { 0.0 } else { (1.0 / table.power) as f32 };
-        let header = EmitterHeader { count: lights.len() as u32, inverse_power };
+        let header = EmitterHeader {
+            count: lights.len() as u32,
+            inverse_power,
+            center: table.center,
+            radius: table.radius.max(1e-3),
+            surroundings: std::f32::consts::PI * luminance,
+        };
         let bytes = [bytemuck::bytes_of(&header), bytemuck::cast_slice(lights)].concat();
         frame.write_buffer(&self.emitters, 0, &bytes)?;
         let place = |instance: &Instance| {

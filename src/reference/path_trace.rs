@@ -166,7 +166,7 @@ impl PathTracer {
         punctual.iter_mut().for_each(|light| light.position -= centre);
         let buffers = SceneBuffers::new(gpu, scene, state.instances.len())?;
         let mut upload = gpu.frame()?;
-        buffers.upload(&mut upload, scene, &relative_to(centre, state.clone()), &[])?;
+        buffers.upload(&mut upload, scene, &relative_to(centre, state.clone()), &[], 0.0)?;
         upload.run()?;
         let instance_count = state.instances.len() as u32;
         let mut view = ViewData { size, seed: settings.seed, instance_count, ..Default::default() };

@@ -4,7 +4,7 @@ use super::{
     bvh,
     packed::{Instance, Light, NONE, PackedInstances, PackedScene, TriangleGeometry},
 };
-use glam::{Vec3, vec3};
+use glam::{DVec3, Vec3, Vec4, vec3};
 use std::collections::HashMap;
 
 /// All lights of a scene at one time.
@@ -14,6 +14,10 @@ pub struct SceneLights {
     /// Σ area · luminance, m² · radiance. A point of a light is found with a density per area of luminance /
     /// power.
     pub power: f64,
+    /// The centre of that power.
+    pub center: Vec3,
+    /// How far it is from the centre, as a root of the mean square, metres.
+    pub radius: f32,
 }
 
 /// The triangles that shine of each mesh, with their luminance, by the mesh's root.
@@ -47,10 +51,13 @@ impl Shining {
     pub fn lights(&self, scene: &PackedScene, state: &PackedInstances) -> SceneLights {
         let mut lights = Vec::new();
         let mut weights = Vec::new();
+        let mut centers = Vec::new();
         for (index, instance) in state.instances.iter().enumerate() {
             for (triangle, luminance) in self.0.get(&instance.root).into_iter().flatten() {
-                let weight = f64::from(*luminance) * area(shape(scene, state, *triangle), instance);
+                let shape = shape(scene, state, *triangle);
+                let weight = f64::from(*luminance) * area(shape, instance);
                 if weight > 0.0 {
+                    centers.push(center(shape, instance));
                     lights.push(Light { instance: index as u32, triangle: *triangle, ..Default::default() });
                     weights.push(weight);
                 }
@@ -62,7 +69,13 @@ impl Shining {
             light.below = (below / power) as f32;
             below += weight;
         }
-        SceneLights { lights, power }
+        let mean = |of: &dyn Fn(&DVec3) -> DVec3| {
+            let sum: DVec3 = centers.iter().zip(&weights).map(|(at, weight)| *weight * of(at)).sum();
+            if power > 0.0 { sum / power } else { DVec3::ZERO }
+        };
+        let center = mean(&|at| *at);
+        let square = mean(&|at| DVec3::splat(at.distance_squared(center))).x;
+        SceneLights { lights, power, center: center.as_vec3(), radius: square.sqrt() as f32 }
     }
 }
 
@@ -91,6 +104,12 @@ fn area(shape: TriangleGeometry, instance: &Instance) -> f64 {
         glam::dvec3(row(0), row(1), row(2))
     };
     0.5 * world(shape.e1).cross(world(shape.e2)).length()
+}
+
+/// Returns where the middle of a triangle is in the world.
+fn center(shape: TriangleGeometry, instance: &Instance) -> DVec3 {
+    let middle = (shape.v0 + (shape.e1 + shape.e2) / 3.0).extend(1.0).as_dvec4();
+    DVec3::from_array(instance.object_to_world.map(|row| Vec4::from(row).as_dvec4().dot(middle)))
 }
 
 fn triangles_below(scene: &PackedScene, root: u32) -> Vec<u32> {

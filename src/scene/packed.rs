@@ -144,6 +144,10 @@ gpu_struct! {
         pub count: u32,
         /// 1 / Σ area · luminance.
         pub inverse_power: f32,
+        /// The centre of that power, and how far on average it is from there, metres.
+        pub center: Vec3, pub radius: f32,
+        /// The irradiance of the panorama on average.
+        pub surroundings: f32,
     }
 }
 

@@ -61,7 +61,14 @@ layout(set = 0, binding = 27, scalar) readonly buffer Textures { Texture entry[]
 layout(set = 0, binding = 28, scalar) readonly buffer Texels { uint texel[]; } in_texels;
 // The triangles that shine: one is drawn in proportion to area * luminance; `below` is the probability of all before it.
 struct Emitter { uint instance; uint triangle; float below; uint padding; };
-layout(set = 0, binding = 83, scalar) readonly buffer Emitters { uint count; float inverse_power; Emitter entry[]; } in_emitters;
+layout(set = 0, binding = 83, scalar) readonly buffer Emitters {
+    uint count;
+    float inverse_power; // 1 / Σ area · luminance
+    vec3 center;         // of that power, and how far on average it is from there
+    float radius;
+    float surroundings;  // irradiance of the panorama on average
+    Emitter entry[];
+} in_emitters;
 // Directional albedo of GGX, ρ = F0·x + F90·y, 32×32 over (cos θ_o, roughness) from 0 to 1 (`ggx_table` in
 // passes/bsdf.rs). Then as many of the sheen lobe's, in x, over (cos, sheen roughness).
 layout(set = 0, binding = 29, scalar) readonly buffer Energy { vec2 value[]; } in_energy;
