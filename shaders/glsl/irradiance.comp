@@ -16,7 +16,7 @@ void real_surface_light(ivec2 p) {
     Ray ray = real_ray(aim, from);
     // Light of the capture, and of the mixed scene.
     vec3 radiance = vec3(0.0), mixed = vec3(0.0);
-    if (ray.weight.x > 0.0 || (EMITTERS != 0u && ray.density > 0.0)) {
+    if (ray.weight.x > 0.0 || (EMITTERS != 0u && aim.emitter)) {
         SceneHit hit = virtual_trace(from.off_virtual, ray.d, ray.real.t, random);
         vec3 weight = mixed_weight(ray, aim, hit);
         float factor = 1.0;
@@ -70,7 +70,7 @@ void virtual_surface_light(ivec2 p) {
     vec3 factor = vec3((lobe == DIFFUSE && !behind ? PI : 1.0) / (behind ? 1.0 : bsdf_probability(l, lobe)));
     if (!behind && !bsdf_leaves(s, lobe, ray.d)) factor = vec3(0.0);
     vec3 radiance = vec3(0.0);
-    if (factor.x > 0.0 && (largest(ray.weight) > 0.0 || (EMITTERS != 0u && ray.density > 0.0))) {
+    if (factor.x > 0.0 && (largest(ray.weight) > 0.0 || (EMITTERS != 0u && drawn.emitter))) {
         SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, random);
         vec3 weight = factor * mixed_weight(ray, drawn, hit);
         if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, lobe == DIFFUSE && !behind, random);

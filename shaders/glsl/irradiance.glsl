@@ -294,7 +294,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
         if (!bsdf_leaves(s, lobe, ray.d)) return sum;
         wide = lobe == DIFFUSE || lobe == SHEEN_LOBE;
         hit.instance = NONE;
-        if (INTERREFLECTION != 0u && bounce < in_view.view.bounces && (EMITTERS != 0u || largest(ray.weight) > 0.0))
+        if (INTERREFLECTION != 0u && bounce < in_view.view.bounces && ((EMITTERS != 0u && next.emitter) || largest(ray.weight) > 0.0))
             hit = virtual_trace(origin, ray.d, ray.real.t, random);
         throughput *= mixed_weight(ray, next, hit) / bsdf_probability(l, lobe);
         if (largest(throughput) <= 0.0) return sum;
