@@ -220,11 +220,19 @@ fn what_images_hold_is_what_their_groups_say() {
     let mut table = "| name | format | holds | written by |\n|---|---|---|---|\n".to_owned();
     for name in ["images", "panorama", "relit"] {
         let text = group(name);
-        // a comment, and the declarations that it is about
-        let blocks = text.split("\n//").filter_map(|block| block.split_once("\nlayout("));
-        for (comment, declarations) in blocks {
+        // Comments, each with the lines that it is about.
+        let mut blocks: Vec<(String, Vec<&str>)> = vec![];
+        for line in text.lines() {
+            match (line.strip_prefix("//"), blocks.last_mut()) {
+                (Some(more), Some((comment, about))) if about.is_empty() => comment.push_str(more),
+                (Some(comment), _) => blocks.push((comment.to_owned(), vec![])),
+                (None, Some((_, about))) => about.push(line),
+                (None, None) => {}
+            }
+        }
+        for (comment, about) in blocks {
             let mut rows: Vec<(String, String, bool)> = Vec::new();
-            for line in format!("layout({declarations}").lines().filter(|line| line.starts_with("layout(")) {
+            for line in about.into_iter().filter(|line| line.starts_with("layout(")) {
                 let variable = line.trim_end_matches(';').rsplit(' ').next().expect("a name").to_owned();
                 let format = line.split(')').next().and_then(|layout| layout.rsplit(", ").next()).expect("a layout");
                 let format = match format {
@@ -238,7 +246,7 @@ fn what_images_hold_is_what_their_groups_say() {
                     None => rows.push((name, format, history)),
                 }
             }
-            let comment = comment.replace("\n//", "").trim().trim_end_matches('.').replace('|', "\\|");
+            let comment = comment.trim().trim_end_matches('.').replace('|', "\\|");
             for (name, format, history) in rows {
                 let history = if history { " h" } else { "" };
                 let _ = writeln!(table, "| `{name}` | {format}{history} | {comment} | {} |", written(&name));
