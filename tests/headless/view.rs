@@ -306,8 +306,9 @@ fn a_session_looks_picks_drags_compares_and_steps() {
     let warmup = entry["frames"].as_u64().expect("a number") - 1;
     folder.succeeds(&format!("render -q moved.toml -o saved.png --size 160x120 --warmup {warmup}"));
     let apart = picture(&folder.path("saved.png"));
-    let most = apart.iter().zip(after.iter()).map(|(a, b)| a.abs_diff(*b)).max();
-    assert!(most <= Some(8), "the saved scene differs by {most:?} codes");
+    // Both are noisy, and the window's plan allows for more. A ball elsewhere is a twentieth of the picture.
+    let apart = apart.iter().zip(after.iter()).filter(|(a, b)| a.abs_diff(**b) > 8).count();
+    assert!(apart < after.len() / 500, "the saved scene differs in {apart} of {} codes", after.len());
 }
 
 #[test]
