@@ -58,7 +58,7 @@ layout(set = 0, binding = 63, rgba32ui) uniform writeonly uimage2DArray out_ligh
 // Pixels: in `gbuffer` those of silhouettes, then those whose centre is virtual; later those that are traced.
 layout(set = 0, binding = 67, scalar) readonly buffer ListRead { uint item[]; } in_list;
 layout(set = 0, binding = 68, scalar) writeonly buffer ListWritten { uint item[]; } out_list;
-// Tiles of 8×8 pixels: those in which a layer holds surfaces, and of these the ones that passes visit this frame.
+// Tiles of 8×8 pixels in which a layer holds surfaces.
 layout(set = 0, binding = 75, scalar) readonly buffer HeldRead { uint item[]; } in_held_tiles;
 layout(set = 0, binding = 76, scalar) writeonly buffer HeldWritten { uint item[]; } out_held_tiles;
 // Of each tile of each layer: the shares of its light that the video and moving objects have changed since it was
@@ -68,6 +68,7 @@ layout(set = 0, binding = 56, scalar) buffer ChangesWritten { vec4 item[]; } cha
 // Two words for each tile of real surfaces, float bits: the most that its light, once filtered, errs by chance, and the
 // most that objects change it, both relative.
 layout(set = 0, binding = 58, scalar) buffer TileLight { uint item[]; } tile_light;
+// Of these the ones that passes visit this frame.
 layout(set = 0, binding = 69, scalar) readonly buffer TilesRead { uint item[]; } in_tiles;
 layout(set = 0, binding = 70, scalar) writeonly buffer TilesWritten { uint item[]; } out_tiles;
 // Of the list of real surfaces, what aim leaves.
