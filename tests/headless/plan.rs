@@ -103,8 +103,9 @@ fn change(size: [u32; 2], a: &Texels, b: &Texels, regions: &[Vec<bool>]) -> (f64
 struct Shown {
     /// Kept, so that pipelines are shared.
     renderers: Vec<Renderer>,
-    /// Parts that were off and not seen. Forcing them on costs minutes of compiling, so it is done once.
-    off: Vec<Part>,
+    /// Parts that were on and seen missing, and parts that were off and not seen. Forcing a part costs seconds of
+    /// compiling, so cases that try all parts try only those that are not here.
+    parts: [Vec<Part>; 2],
 }
 
 /// Forces each part that the scene decides on the other way, and compares. Returns the parts found on and off.
@@ -122,8 +123,9 @@ fn prove(gpu: &Gpu, case: &Case, shown: &mut Shown) -> [Vec<Part>; 2] {
     let wanted = |part| case.only.as_ref().is_none_or(|only| only.contains(&part));
     for decision in plan.parts.iter().filter(|decision| decision.by == By::Scene && wanted(decision.part)) {
         let (name, part) = (decision.part.name(), decision.part);
-        if !decision.on && shown.off.contains(&part) {
-            found[1].push(part);
+        let at = usize::from(!decision.on);
+        if (case.only.is_none() || !decision.on) && shown.parts[at].contains(&part) {
+            found[at].push(part);
             continue;
         }
         let other = case.render(gpu, plan.flipped(decision).expect("a setting"));
@@ -144,6 +146,7 @@ fn prove(gpu: &Gpu, case: &Case, shown: &mut Shown) -> [Vec<Part>; 2] {
         if decision.on {
             assert!(flip > SEEN.0 || may_come, "{case}: {name} is on, but nobody sees it missing: FLIP {flip}");
             found[0].push(part);
+            shown.parts[0].push(part);
         } else {
             // a single code is rounding, as of light that is kept in brief
             // Lobes that are compiled in draw other random numbers.
@@ -160,7 +163,7 @@ fn prove(gpu: &Gpu, case: &Case, shown: &mut Shown) -> [Vec<Part>; 2] {
             let more = dispatched(&other) > dispatched(&base) || other.bytes > base.bytes || code(&other) > code(&base);
             assert!(more, "{case}: {name} is off, but would cost nothing");
             found[1].push(part);
-            shown.off.push(part);
+            shown.parts[1].push(part);
         }
         shown.renderers.push(other.renderer);
     }
