@@ -18,10 +18,10 @@ layout(constant_id = 1) const int LAYER = 0;
 layout(constant_id = 35) const uint DESPECKLE = 0;
 layout(constant_id = 29) const uint LISTED = 0; // 1: only the tiles of a layer that were visited are made again
 
-// Returns the factor that brings a pixel's relative change of light between the second least and the second greatest
-// of its neighbours'. One or two pixels of noisy depth lie anywhere, even in objects, and have nobody to be filtered
-// with.
-float among_neighbours(ivec2 p, Light light) {
+// Brings a pixel's relative change of light between the second least and the second greatest of its neighbours'. One or
+// two pixels of noisy depth lie anywhere, even in objects, and have nobody to be filtered with. Too great a change is
+// made less. One that is too little, or turned around, is moved as E_R is coloured: a factor would know no bounds.
+void settle_among_neighbours(ivec2 p, inout Light light) {
     float own = luminance(light.b) / max(luminance(light.a), 1e-20), count = 0.0;
     vec2 least = vec2(FAR), greatest = vec2(-FAR); // and the second
     [[unroll]] for (int k = 0; k < 9; k++) {
@@ -34,7 +34,10 @@ float among_neighbours(ivec2 p, Light light) {
         greatest = vec2(max(greatest.x, change), max(greatest.y, min(greatest.x, change)));
         count += 1.0;
     }
-    return count < 4.0 || own == 0.0 ? 1.0 : clamp(own, least.y, greatest.y) / own;
+    if (count < 4.0 || own == 0.0) return; // what no object changes stays
+    float settled = clamp(own, least.y, greatest.y);
+    if (settled * own > 0.0 && abs(settled) <= abs(own)) light.b *= settled / own;
+    else light.b += (settled - own) * light.a;
 }
 
 void main() {
@@ -47,7 +50,7 @@ void main() {
     vec3 radiance = imageLoad(in_camera_radiance, p).rgb;
     if (LIT != 0u && in_view.view.instance_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, NOW(REAL)))) != NO_SURFACE) {
         Light light = result_unpack(imageLoad(in_light, ivec3(p, REAL)));
-        if (DESPECKLE != 0u) light.b *= among_neighbours(p, light);
+        if (DESPECKLE != 0u) settle_among_neighbours(p, light);
         light_decode(REAL, light);
         radiance = relight(radiance, light.a, light.b);
     }
