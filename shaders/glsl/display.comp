@@ -87,7 +87,7 @@ void main() {
     case MOTION: color = vec3(clamp(0.5 + value.xy / 32.0, 0.0, 1.0), 0.5); break;
     case ID: color = value.x < 0.5 ? vec3(0.2) : hue(uint(value.x)); break;
     case SHARE: color = vec3(clamp(value.x, 0.0, 1.0)); break;
-    case MASK: color = value.x > 1.5 ? vec3(0.4) : vec3(value.x); break;
+    case MASK: color = vec3(value.x < 0.0 ? 0.4 : min(value.x, 1.0)); break;
     case HISTORY: color = ramp(value.x / 64.0); break;
     case CODE: color = code.x == 0xffffffffu ? vec3(0.2) : hue(code.x * 7919u + code.y); break;
     case DIFFERENCE: {

@@ -16,7 +16,7 @@ layout(constant_id = 10) const int RADIUS = 2;
 void main() {
     ivec2 p;
     if (!tile_pixel(LAYER, p)) return;
-    if (imageLoad(in_mask, ivec3(p, LAYER)).x != 2.0) return;
+    if (imageLoad(in_mask, ivec3(p, LAYER)).x >= 0.0) return;
     uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
     vec3 position = guide_position(guide), normal = guide_normal(guide);
     float distance = length(position - in_view.view.position);
@@ -25,7 +25,7 @@ void main() {
     for (int y = -RADIUS; y <= RADIUS; y++) {
         for (int x = -RADIUS; x <= RADIUS; x++) {
             ivec2 q = p + ivec2(x, y);
-            if (!neighbour(q) || imageLoad(in_mask, ivec3(q, LAYER)).x != 1.0) continue;
+            if (!neighbour(q) || imageLoad(in_mask, ivec3(q, LAYER)).x <= 0.0) continue;
             uvec4 other = imageLoad(in_guide, ivec3(q, NOW(LAYER)));
             float distance2 = float(x * x + y * y);
             float apart = guide_off_plane(position, normal, other) / guide_tolerance(distance, sqrt(distance2));

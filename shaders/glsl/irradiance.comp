@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 3, irradiance: one path per traced surface (IPRT eq. 1, N = 1). Real surfaces get E_R, and ΔE = E_RV −
+// Pass 3, irradiance: one path per traced surface (IPRT eq. 1, N = 1), or several from
+// virtual ones that are new. Real surfaces get E_R, and ΔE = E_RV −
 // E_R from the same random numbers (W/m² up to the capture's scale). Virtual surfaces get E of the
 // Lambert lobe and the radiance of all others. Rays see real surfaces relit, and virtual ones by paths of up
 // to `bounces` vertices.
@@ -36,37 +37,36 @@ void real_surface_light(ivec2 p) {
     imageStore(out_irradiance, ivec3(p, REAL), light_pack(Light(units.x * radiance, units.y * (mixed - radiance), vec2(0.0))));
 }
 
-void virtual_surface_light(ivec2 p) {
-    Random random = random_begin(uvec2(p), uint(VIRTUAL));
-    vec4 point = imageLoad(in_position, ivec3(p, VIRTUAL));
-    uvec4 id = imageLoad(in_hit, p);
-    vec3 from_eye = (point.xyz - in_view.view.position) / point.w;
-    Surface s = scene_surface(SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw)), from_eye, point.w * pixel_angle());
-    Lobes l = bsdf_lobes(s, -from_eye);
-    vec3 origin = surface_origin(s);
-    vec3 numbers = first_numbers(p, uint(VIRTUAL));
+// A virtual surface in the picture.
+struct Seen {
+    Surface surface;
+    Lobes lobes;
+    vec3 from_eye;
+    float own; // its part of what is virtual in the pixel
+};
+
+// Traces a path from a virtual surface.
+void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3 lambert, inout vec3 rest) {
+    Surface s = seen.surface;
+    Lobes l = seen.lobes;
+    vec3 origin = surface_origin(s), numbers = first_numbers(p, uint(VIRTUAL), path);
     float choice = random_next(random);
-    // Of what is virtual in the pixel this surface is a part, if it is half transparent. What lies behind it is
-    // the rest, as far as it is virtual: M knows the real part.
-    float own = 1.0;
     bool behind = false;
     if (ALPHA != 0u && SPECULAR != 0u) {
-        own = min(s.alpha / max(1.0 - imageLoad(in_real_coverage, p).x, 1e-4), 1.0);
-        behind = choice >= own;
-        choice = behind ? (choice - own) / max(1.0 - own, 1e-6) : choice / own;
-        choice = min(choice, 0.99999994);
+        behind = choice >= seen.own;
+        choice = min(behind ? (choice - seen.own) / max(1.0 - seen.own, 1e-6) : choice / seen.own, 0.99999994);
     }
     uint lobe = bsdf_choose(l, choice);
     l.diffuse = vec3(1.0); // composite knows it
-    Aim drawn = aim(origin, origin, s, l, lobe, -from_eye, numbers, random);
+    Aim drawn = aim(origin, origin, s, l, lobe, -seen.from_eye, numbers, random);
     if (behind) {
-        drawn.d = from_eye;
+        drawn.d = seen.from_eye;
         drawn.possible = drawn.sharp = true;
         drawn.light = drawn.emitter = false;
         drawn.sharp_weight = vec3(1.0);
     }
     if (TRANSMISSION != 0u || ALPHA != 0u) origin = surface_origin_along(s, drawn.d);
-    Ray ray = trace(drawn, origin, origin, s, l, lobe, -from_eye);
+    Ray ray = trace(drawn, origin, origin, s, l, lobe, -seen.from_eye);
     vec3 factor = vec3((lobe == DIFFUSE && !behind ? PI : 1.0) / (behind ? 1.0 : bsdf_probability(l, lobe)));
     if (!behind && !bsdf_leaves(s, lobe, ray.d)) factor = vec3(0.0);
     vec3 radiance = vec3(0.0);
@@ -76,9 +76,28 @@ void virtual_surface_light(ivec2 p) {
         if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, lobe == DIFFUSE && !behind, random);
     }
     if (FAULT == FAULT_ENERGY_CLAMP) radiance *= min(1.0, 0.3 / max(luminance(radiance), 1e-20));
-    radiance *= in_view.view.light_units.y;
-    vec3 lambert = lobe != DIFFUSE || behind ? vec3(0.0) : radiance;
-    imageStore(out_irradiance, ivec3(p, VIRTUAL), light_pack(Light(lambert, radiance - lambert, vec2(0.0))));
+    if (lobe == DIFFUSE && !behind) lambert += radiance;
+    else rest += radiance;
+}
+
+void virtual_surface_light(ivec2 p) {
+    Random random = random_begin(uvec2(p), uint(VIRTUAL));
+    vec4 point = imageLoad(in_position, ivec3(p, VIRTUAL));
+    uvec4 id = imageLoad(in_hit, p);
+    Seen seen;
+    seen.from_eye = (point.xyz - in_view.view.position) / point.w;
+    seen.surface = scene_surface(SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw)), seen.from_eye, point.w * pixel_angle());
+    seen.lobes = bsdf_lobes(seen.surface, -seen.from_eye);
+    // Of what is virtual in the pixel this surface is a part, if it is half transparent. What lies behind it is
+    // the rest, as far as it is virtual: M knows the real part.
+    seen.own = 1.0;
+    if (ALPHA != 0u && SPECULAR != 0u) seen.own = min(seen.surface.alpha / max(1.0 - imageLoad(in_real_coverage, p).x, 1e-4), 1.0);
+    uint paths = EARLY != 0u ? uint(max(imageLoad(in_mask, ivec3(p, VIRTUAL)).x, 1.0)) : 1u;
+    vec3 lambert = vec3(0.0), rest = vec3(0.0);
+    if (EARLY == 0u) virtual_path(p, 0u, seen, random, lambert, rest);
+    else for (uint path = 0u; path < paths; path++) virtual_path(p, path, seen, random, lambert, rest);
+    float unit = in_view.view.light_units.y / float(paths);
+    imageStore(out_irradiance, ivec3(p, VIRTUAL), light_pack(Light(unit * lambert, unit * rest, vec2(0.0))));
 }
 
 void main() {

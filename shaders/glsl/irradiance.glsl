@@ -20,6 +20,7 @@ layout(push_constant, scalar) uniform Push {
     uint still;
 } push;
 layout(constant_id = 1) const int LAYER = 0;
+layout(constant_id = 37) const uint EARLY = 0; // 1: a virtual surface may have several paths a frame, as many as mask says
 layout(constant_id = 26) const uint ROULETTE = 0; // 1: not all rays that meet no object are traced
 layout(constant_id = 4) const uint REAL_TRACER = 0;
 layout(constant_id = 5) const uint VIRTUAL_TRACER = 0;
@@ -189,10 +190,11 @@ float light_share(bool sharp, uint lobe, Surface s) {
 
 // Three numbers of a path's first ray: over the frames a pixel's additive sequence, which begins anywhere. Its steps
 // were searched for so that 4 to 64 points in a row, and 4 to 64 points of every fourth frame, are spread evenly.
-vec3 first_numbers(ivec2 p, uint layer) {
+vec3 first_numbers(ivec2 p, uint layer, uint path) {
     uint x = hash(uint(p.x) + hash(uint(p.y) + hash(in_view.view.seed + hash(layer)))), y = hash(x), z = hash(y);
+    const uint APART = 64u; // of the paths of one frame
     const uvec3 STEP = uvec3(0x6409ebebu, 0x2f075138u, 0x8ef7fcb5u); // 2³² times 0.39077639, 0.18370540, 0.55847148
-    return vec3((uvec3(x, y, z) + in_view.view.frame * STEP) >> 8u) * (1.0 / 16777216.0);
+    return vec3((uvec3(x, y, z) + (in_view.view.frame + path * APART) * STEP) >> 8u) * (1.0 / 16777216.0);
 }
 
 // Draws from a lobe of a surface, or from the lights. Rays to virtual surfaces leave from `near`.
@@ -291,13 +293,13 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
             }
         }
         ray = trace(next, origin, origin, s, l, lobe, to_eye);
-        if (!bsdf_leaves(s, lobe, ray.d)) return sum;
+        if (!bsdf_leaves(s, lobe, ray.d)) { throughput = vec3(0.0); break; }
         wide = lobe == DIFFUSE || lobe == SHEEN_LOBE;
         hit.instance = NONE;
         if (INTERREFLECTION != 0u && bounce < in_view.view.bounces && ((EMITTERS != 0u && next.emitter) || largest(ray.weight) > 0.0))
             hit = virtual_trace(origin, ray.d, ray.real.t, random);
         throughput *= mixed_weight(ray, next, hit) / bsdf_probability(l, lobe);
-        if (largest(throughput) <= 0.0) return sum;
+        if (largest(throughput) <= 0.0) break;
     }
     return sum + throughput * hit_relit(ray.real);
 }
@@ -322,7 +324,7 @@ Surface real_lambert(RealStart from) {
 }
 
 Aim real_aim(ivec2 p, RealStart from, inout Random random) {
-    return aim(from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0), first_numbers(p, uint(REAL)), random);
+    return aim(from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0), first_numbers(p, uint(REAL), 0u), random);
 }
 
 Ray real_ray(Aim aim, RealStart from) {

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 2, sampling_mask: chooses the pixels that are traced this frame, and lists them for real and for
 // virtual surfaces (IPRT §2, "sparse sampling mask").
-// In: tiles, changes, guide now and a frame ago, motion, frames. Out: mask (0 nothing there, 1 traced, 2 not), list,
+// In: tiles, changes, guide now and a frame ago, motion, frames. Out: mask (paths; 0 nothing there, -1 not traced), list,
 // arguments; irradiance of pixels that nothing will fill.
 #include "common.glsl"
 #include "parts.glsl"
@@ -19,6 +19,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 1) const int LAYER = 0;
 layout(constant_id = 15) const uint DENSE = 0;            // 1: every pixel is traced
 layout(constant_id = 24) const uint BY_DISCONTINUITY = 0; // 1: the mask is made by edges, not by turns
+layout(constant_id = 37) const uint EARLY = 0;            // 1: new virtual surfaces have several paths
 layout(constant_id = 25) const uint MARK_UNTRACED = 0;    // 1: nothing will fill untraced pixels, so they are marked as unknown here
 
 layout(push_constant, scalar) uniform Push {
@@ -28,6 +29,8 @@ layout(push_constant, scalar) uniform Push {
     float mask_cosine;   // of the angle between normals
     float mask_distance; // from the tangent plane, relative to the distance
     float history_change;
+    float early_paths;
+    float early_history;
 } push;
 
 // Returns the rays for 16 pixels: 16 if the 3×3 neighbours leave the surface, 4 if the 5×5 do, else 1.
@@ -50,24 +53,29 @@ uint discontinuity_share(ivec2 p, int layer, uvec4 guide) {
     return share;
 }
 
-// Says whether a surface has so little history that each of its pixels is traced.
-bool young(ivec2 p, int layer, vec2 frames) {
-    vec2 left = min(frames, history_limit(p, layer, push.history_change));
-    return min(left.x, left.y) < float(push.short_history);
+// Returns how many paths the histories of a surface hold; 0 if it has none.
+vec2 history_length(ivec2 p, int layer, uvec4 guide) {
+    if (push.history_valid == 0u) return vec2(0.0);
+    if (STANDS == STILL) return imageLoad(in_frames, ivec3(p, LIGHT_NOW(layer))).xy;
+    vec4 motion = motion_at(p, layer, guide);
+    if (motion.z <= 0.0) return vec2(0.0);
+    ivec2 q = ivec2(floor(vec2(p) + 0.5 + motion.xy));
+    return history_weight(q, layer, motion, guide) > 0.0 ? imageLoad(in_frames, ivec3(q, LIGHT_BEFORE(layer))).xy : vec2(0.0);
 }
 
-bool traced(ivec2 p, int layer, uvec4 guide) {
-    if (DENSE != 0u || tile_is_dense(layer)) return true;
-    if (in_turn(p, BY_DISCONTINUITY != 0u ? discontinuity_share(p, layer, guide) : in_view.view.rays_per_16)) return true;
-    if (layer == VIRTUAL && guide_roughness(guide) < push.sharp_roughness) return true;
+// Returns how many paths a surface gets in this frame.
+float path_count(ivec2 p, int layer, uvec4 guide) {
+    bool turn = DENSE != 0u || tile_is_dense(layer)
+        || in_turn(p, BY_DISCONTINUITY != 0u ? discontinuity_share(p, layer, guide) : in_view.view.rays_per_16)
+        || (layer == VIRTUAL && guide_roughness(guide) < push.sharp_roughness);
+    bool early = EARLY != 0u && layer == VIRTUAL;
+    if (turn && !early) return 1.0;
+    if (push.short_history == 0u) return turn ? 1.0 : 0.0;
     // Newly seen surfaces trace every pixel until they have some history.
-    if (push.short_history == 0u || push.history_valid == 0u) return push.short_history > 0u;
-    if (STANDS == STILL) return young(p, layer, imageLoad(in_frames, ivec3(p, LIGHT_NOW(layer))).xy);
-    vec4 motion = motion_at(p, layer, guide);
-    if (motion.z <= 0.0) return true;
-    ivec2 q = ivec2(floor(vec2(p) + 0.5 + motion.xy));
-    if (history_weight(q, layer, motion, guide) == 0.0) return true;
-    return young(p, layer, imageLoad(in_frames, ivec3(q, LIGHT_BEFORE(layer))).xy);
+    vec2 limit = history_limit(p, layer, push.history_change), length = history_length(p, layer, guide), left = min(length, limit);
+    // Where light changes all the time, no history grows long.
+    if (early && min(length.x, length.y) < push.early_history && min(limit.x, limit.y) >= push.early_history) return push.early_paths;
+    return turn || min(left.x, left.y) < float(push.short_history) ? 1.0 : 0.0;
 }
 
 void main() {
@@ -75,8 +83,9 @@ void main() {
     bool inside = tile_pixel(LAYER, p);
     uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
     bool present = inside && in_view.view.instance_count > 0u && guide_id(guide) != NO_SURFACE;
-    bool trace = present && traced(p, LAYER, guide);
-    if (inside) imageStore(out_mask, ivec3(p, LAYER), vec4(present ? (trace ? 1.0 : 2.0) : 0.0));
+    float paths = present ? path_count(p, LAYER, guide) : 0.0;
+    bool trace = paths > 0.0;
+    if (inside) imageStore(out_mask, ivec3(p, LAYER), vec4(present && !trace ? -1.0 : paths));
     if (MARK_UNTRACED != 0u && present && !trace) imageStore(out_irradiance, ivec3(p, LAYER), LIGHT_UNKNOWN);
     append_pixels(bvec2(LAYER == REAL && trace, LAYER == VIRTUAL && trace), p);
 }

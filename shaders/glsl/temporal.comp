@@ -107,11 +107,12 @@ void main() {
     }
     uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
     Light light = light_of_frame(at);
-    bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask == 1.0;
+    bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask > 0.0;
+    float paths = FILTERED != 0u ? 1.0 : max(mask, 1.0);
     bool known = fresh || light.deviation.x >= 0.0;
     if (!known) light = Light(vec3(0.0), vec3(0.0), vec2(0.0));
     vec2 luma = vec2(luminance(light.a), luminance(light.b)), spread = BRIEF != 0u ? vec2(0.0) : luma * luma;
-    vec2 age = vec2(fresh ? 1.0 : known ? 0.5 : 0.0);
+    vec2 age = vec2(fresh ? paths : known ? 0.5 : 0.0);
 
     History old = reproject(p, guide);
     if (old.frames.x > 0.0) {
@@ -127,7 +128,7 @@ void main() {
                     ivec2 offset = first + STEP * ivec2(x, y), q = p + offset;
                     if (any(greaterThan(offset, ivec2(2))) || !neighbour(q)) continue;
                     float taken = imageLoad(in_mask, ivec3(q, LAYER)).x;
-                    if (FILTERED != 0u ? taken == 0.0 : taken != 1.0) continue;
+                    if (FILTERED != 0u ? taken == 0.0 : taken <= 0.0) continue;
                     if (guide_id(imageLoad(in_guide, ivec3(q, NOW(LAYER)))) != guide_id(guide)) continue;
                     Light other = light_of_frame(ivec3(q, LAYER));
                     mean_a += other.a; square_a += other.a * other.a;
@@ -144,10 +145,10 @@ void main() {
             }
         }
         age = min(old.frames, history_limit(p, LAYER, push.history_change));
-        if (fresh) age = min(age + 1.0, counted(vec2(FAR)));
-        vec2 blend = fresh ? 1.0 / max(age, vec2(1.0)) : vec2(0.0); // an interpolated value adds nothing to a history
+        if (fresh) age = max(min(age + paths, counted(vec2(FAR))), vec2(paths));
+        vec2 blend = fresh ? paths / max(age, vec2(1.0)) : vec2(0.0); // an interpolated value adds nothing to a history
         vec2 luma_old = vec2(luminance(old.a), luminance(old.b));
-        if (BRIEF != 0u) spread = (1.0 - blend) * (old.spread + blend * (luma - luma_old) * (luma - luma_old));
+        if (BRIEF != 0u) spread = (1.0 - blend) * (old.spread + blend * paths * (luma - luma_old) * (luma - luma_old)); // of one path
         else spread = mix(old.spread, spread, blend);
         light.a = mix(old.a, light.a, blend.x);
         light.b = mix(old.b, light.b, blend.y);

@@ -3,6 +3,7 @@
 
 use super::{
     resources::{Kernel, Resources},
+    sampling_mask::early,
     scene::SceneBuffers,
     temporal::Since,
     view::{LAYERS_FOLLOW, REAL, Role, Stands, View},
@@ -55,6 +56,7 @@ impl Irradiance {
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Emission),
                 emitters,
+                early(plan, role),
                 plan.constant(Part::Bounces),
             ];
             let constants = [&constants[..], &plan.materials()].concat();

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Frame, Gpu, Threads},
+    gpu::{Constant, Frame, Gpu, Threads},
     gpu_struct,
     plan::{Part, Plan},
     settings::{FilterOrder, MaskBy, Settings},
@@ -23,6 +23,8 @@ gpu_struct! {
         pub mask_cosine: f32,
         pub mask_distance: f32,
         pub history_change: f32,
+        pub early_paths: f32,
+        pub early_history: f32,
     }
 }
 
@@ -52,6 +54,7 @@ impl SamplingMask {
                 plan.constant(Part::Motion),
                 ("BY_DISCONTINUITY", u32::from(settings.mask_by == MaskBy::Discontinuity)),
                 ("MARK_UNTRACED", u32::from(settings.sampling_mask && !settings.interpolate)),
+                early(plan, role),
                 role.projection(plan),
             ];
             let kernel = Kernel::new::<SamplingMaskPush>(gpu, "sampling_mask", shaders::SAMPLING_MASK, &constants)?;
@@ -95,6 +98,8 @@ impl SamplingMask {
             mask_cosine: settings.mask_angle.to_radians().cos(),
             mask_distance: settings.mask_distance,
             history_change: settings.history_change,
+            early_paths: settings.early_paths as f32,
+            early_history: settings.early_history as f32,
         };
         let turns = self.turns_after.is_some_and(|frames| steady > frames);
         frame.scope("sampling_mask", |frame| {
@@ -120,4 +125,11 @@ impl SamplingMask {
             Ok(())
         })
     }
+}
+
+/// The constant that says whether new virtual surfaces in the picture get several paths in a frame.
+pub fn early(plan: &Plan, role: Role) -> Constant {
+    let Settings { early_paths, early_history, filter_order, .. } = plan.settings;
+    let counted = plan.on(Part::Temporal) && filter_order == FilterOrder::TemporalFirst;
+    ("EARLY", u32::from(role == Role::Picture && counted && early_paths > 1 && early_history > 0))
 }

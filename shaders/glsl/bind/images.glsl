@@ -35,7 +35,7 @@ layout(set = 0, binding = 47, r32f) uniform readonly image2D in_real_coverage;
 layout(set = 0, binding = 48, r32f) uniform image2D real_coverage;
 // The picture: linear radiance, w 1.
 layout(set = 0, binding = 49, rgba32f) uniform writeonly image2D out_radiance;
-// 0 nothing to light, 1 traced, 2 not traced this frame.
+// How many paths are traced this frame; 0: nothing to light, -1: not traced.
 layout(set = 0, binding = 50, r32f) uniform readonly image2DArray in_mask;
 layout(set = 0, binding = 51, r32f) uniform writeonly image2DArray out_mask;
 // Light of this frame, as light_code.glsl packs it. Real: a is E_R, b is ΔE. Virtual: a is E of the Lambert

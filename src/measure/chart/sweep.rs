@@ -118,6 +118,8 @@ const FULL: &[Values] = &[
     (Method::Iprt, "short_history", &["0", "16"]),
     (Method::Iprt, "sharp_roughness", &["0", "1"]),
     (Method::Iprt, "rest_noise", &["0", "0.005", "0.02"]),
+    (Method::Iprt, "early_paths", &["1", "4"]),
+    (Method::Iprt, "early_history", &["16", "64"]),
     (Method::Iprt, "interpolate", &["false"]),
     (Method::Iprt, "least_share", &["0.03", "1"]),
     (Method::Iprt, "atrous_levels", &["0", "1", "2", "4", "5"]),
