@@ -326,6 +326,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
     let speed = fields.number("speed").unwrap_or(1.0);
     let offset = fields.number("offset").unwrap_or(0.0);
     let hold = fields.word("repeat", &["loop", "hold"]) == Some(1);
+    let name = fields.string("name").map(str::to_owned);
     let source = match (gltf, shape) {
         (Some(path), None) => ObjectSource::Gltf(path),
         (None, Some(shape)) => ObjectSource::Shape(shape, size.unwrap_or(Vec3::ONE)),
@@ -337,7 +338,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
         }
         ObjectSource::Shape(shape, _) => Shape::NAMES[*shape as usize].to_owned(),
     };
-    let name = fields.string("name").map_or_else(default_name, str::to_owned);
+    let name = name.unwrap_or_else(default_name);
     Some(ObjectSpec { name, source, placement, place, side, variant, clip, speed, offset, hold, material })
 }
 

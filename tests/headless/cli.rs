@@ -105,6 +105,34 @@ fn pictures_have_the_size_and_layers_asked_for() {
     assert_eq!(left, ["a.exr", "a.png", "b_002.png", "b_003.png"]);
 }
 
+#[test]
+fn a_panorama_is_reduced_when_asked() {
+    let folder = Folder::with_scene();
+    let size = |flags: &str| {
+        let report = folder.succeeds(&format!("check scene.toml --json -q {flags}"));
+        let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+        report["color"]["size"].clone()
+    };
+    assert_eq!(size(""), serde_json::json!([64, 32]));
+    assert_eq!(size("--panorama-size 16"), serde_json::json!([16, 8]));
+    assert_eq!(size("--panorama-size 4096"), serde_json::json!([64, 32]), "none is made larger");
+    // A pixel is one of the file's picture, however large the panorama is.
+    let ball = "[[object]]\nshape = \"sphere\"\nsize = 0.2\nplace = { pixel = [50, 20] }\n";
+    folder.write("placed.toml", &format!("[panorama]\ncolor = \"room.png\"\ndepth = {{ box = [4, 3, 5] }}\n{ball}"));
+    let place = |flags: &str| {
+        let report = folder.succeeds(&format!("check placed.toml --json -q {flags}"));
+        let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+        report["objects"][0]["center"]
+            .as_array()
+            .expect("three")
+            .iter()
+            .map(|x| x.as_f64().expect("a number"))
+            .collect::<Vec<_>>()
+    };
+    let apart = place("").iter().zip(place("--panorama-size 32")).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 0.3, "{apart} m");
+}
+
 fn json(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(path).expect("written")).expect("JSON")
 }
