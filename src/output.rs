@@ -4,6 +4,7 @@ use crate::{
     Error, Result,
     image_file::{
         ExrLayer,
+        tonemap::Tonemap,
         write::{display_code, write_display, write_exr, write_png},
     },
     renderer::{Renderer, mattes::MATTES},
@@ -33,13 +34,13 @@ impl FileKind {
     }
 }
 
-/// Writes the renderer's last picture.
+/// Writes the renderer's last picture. Exposure and tone mapping are those of a PNG.
 pub fn write(
     renderer: &Renderer,
     scene: &Scene,
     path: &Path,
     kind: FileKind,
-    exposure: f32,
+    (exposure, tonemap): (f32, Tonemap),
     aovs: &[String],
 ) -> Result<()> {
     let size = renderer.options().size;
@@ -53,9 +54,9 @@ pub fn write(
         // Saturated texels that were raised on loading come down again.
         for texel in &mut picture {
             let color = scene.panorama.for_display(Vec3::new(texel[0], texel[1], texel[2]));
-            texel[..3].copy_from_slice(&color.to_array());
+            texel[..3].copy_from_slice(&tonemap.map(exposure * color).to_array());
         }
-        return write_display(path, size, &picture, exposure);
+        return write_display(path, size, &picture, 1.0);
     }
     let mut layers = vec![ExrLayer::rgb("", size, &picture)];
     let every = || renderer.aov_names().into_iter().chain(MATTES.map(str::to_owned)).collect();
@@ -73,13 +74,14 @@ pub fn write(
 ///
 /// # Errors
 /// Fails if the file cannot be written.
-pub fn write_alpha(renderer: &Renderer, scene: &Scene, path: &Path, exposure: f32) -> Result<()> {
+pub fn write_alpha(renderer: &Renderer, scene: &Scene, path: &Path, (exposure, tonemap): (f32, Tonemap)) -> Result<()> {
     let codes: Vec<u8> = renderer
         .aov("alpha")?
         .into_iter()
         .flat_map(|[r, g, b, alpha]| {
             let color = if alpha > 0.0 { Vec3::new(r, g, b) / alpha } else { Vec3::ZERO };
-            let [r, g, b] = scene.panorama.for_display(color).to_array().map(|value| display_code(exposure * value));
+            let shown = tonemap.map(exposure * scene.panorama.for_display(color));
+            let [r, g, b] = shown.to_array().map(display_code);
             [r, g, b, (alpha.clamp(0.0, 1.0) * 255.0).round() as u8]
         })
         .collect();

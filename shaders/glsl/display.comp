@@ -24,6 +24,7 @@ layout(push_constant, scalar) uniform Push {
     vec2 light_scales; // on a and b of packed light
     int channel;   // the channel to show, or -1 for all
     float exposure;
+    uint tonemap;  // 0: clip, 1: Khronos PBR Neutral
     float raised;  // inverse_tonemap; at most 1 if nothing was raised
     float scale;   // the panorama's exposure
     uint marks;    // 1: show where marked is not 0
@@ -44,6 +45,22 @@ vec3 lowered(vec3 radiance) {
     float bend = 1.0 - (1.0 - KNEE) / (push.raised - KNEE);
     return radiance * ((KNEE + (1.0 - KNEE) * y / (1.0 + bend * y)) / largest);
 }
+
+// Does what `Tonemap::map` does.
+vec3 toned(vec3 color) {
+    if (push.tonemap == 0u) return color;
+    color = max(color, 0.0);
+    float least = min(color.r, min(color.g, color.b));
+    color -= least < 0.08 ? least - 6.25 * least * least : 0.04;
+    float most = max(color.r, max(color.g, color.b));
+    const float START = 0.76, ROOM = 1.0 - START;
+    if (most < START) return color;
+    float compressed = 1.0 - ROOM * ROOM / (most + ROOM - START);
+    float white = 1.0 - 1.0 / (0.15 * (most - compressed) + 1.0);
+    return mix(color * (compressed / most), vec3(compressed), white);
+}
+
+vec3 shown(vec3 radiance) { return srgb(toned(push.exposure * lowered(radiance))); }
 
 uint scrambled(uint x) {
     x = (x ^ 61u) ^ (x >> 16u);
@@ -81,7 +98,7 @@ void main() {
     if (push.channel >= 0) value = vec4(value[push.channel]);
     vec3 color = vec3(0.0);
     switch (push.look) {
-    case RADIANCE: color = srgb(push.exposure * lowered(value.rgb)); break;
+    case RADIANCE: color = shown(value.rgb); break;
     case DIRECTION: color = value.xyz == vec3(0.0) ? vec3(0.0) : 0.5 + 0.5 * value.xyz; break;
     case PLACE: color = value.w == 0.0 ? vec3(0.0) : fract(value.xyz); break;
     case MOTION: color = vec3(clamp(0.5 + value.xy / 32.0, 0.0, 1.0), 0.5); break;
@@ -91,7 +108,7 @@ void main() {
     case HISTORY: color = ramp(value.x / 64.0); break;
     case CODE: color = code.x == 0xffffffffu ? vec3(0.2) : hue(code.x * 7919u + code.y); break;
     case DIFFERENCE: {
-        vec3 apart = abs(srgb(push.exposure * lowered(value.rgb)) - srgb(push.exposure * lowered(other.rgb)));
+        vec3 apart = abs(shown(value.rgb) - shown(other.rgb));
         color = ramp(4.0 * dot(apart, vec3(1.0 / 3.0)));
         break;
     }

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     Error, Result,
     gpu::{Gpu, GpuOptions},
-    image_file::read,
+    image_file::{read, tonemap::Tonemap},
     media::{
         encode::{Container, Encoding, Wanted},
         film::{Extras, Film, Look, Shot},
@@ -44,6 +44,9 @@ pub struct Args {
     /// Factor on the radiance of .exr frames [default: the scene's, or 1]
     #[arg(long)]
     pub exposure: Option<f32>,
+    /// How light beyond white is shown, of .exr frames [default: the scene's, or clip]
+    #[arg(long, value_enum)]
+    pub tonemap: Option<Tonemap>,
     /// Say in the file that it is 360°, for frames of --projection equirect
     #[arg(long)]
     pub spherical: bool,
@@ -76,9 +79,10 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let timing = Timing::of(scene.as_ref(), args.fps, [first, last]);
     let look = match &scene {
-        Some(scene) if is_linear => look_of(scene, exposure),
+        Some(scene) if is_linear => look_of(scene, exposure, args.tonemap.unwrap_or(scene.render.tonemap)),
         // A PNG holds what is seen.
-        _ => Look { exposure: if is_linear { exposure } else { 1.0 }, for_display: Arc::new(|light| light) },
+        _ if !is_linear => Look { exposure: 1.0, tonemap: Tonemap::Clip, for_display: Arc::new(|light| light) },
+        _ => Look { exposure, tonemap: args.tonemap.unwrap_or_default(), for_display: Arc::new(|light| light) },
     };
     let source = scene.as_ref().and_then(|scene| scene.panorama.video());
     let wanted = Wanted { codec: args.video.codec, crf: args.video.crf, pix_fmt: args.video.pix_fmt.clone() };
@@ -88,7 +92,7 @@ pub fn run(args: &Args) -> Result<()> {
         format!("{:?} {:?}", known.as_ref().map(std::fs::Metadata::len), known.and_then(|m| m.modified().ok()))
     };
     let stamps: Vec<String> = (first..=last).map(stamp).collect();
-    let job = format!("join {exposure} {stamps:?}");
+    let job = format!("join {exposure} {:?} {stamps:?}", look.tonemap);
     let mut film = Film::begin(&args.output, encoding, look, &job, [first, last])?;
     let begin = film.next();
     let bar = progress(args.quiet, u64::from(last + 1 - begin), "encoding");

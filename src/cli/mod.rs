@@ -36,6 +36,7 @@ use clap::{ArgAction, Parser, Subcommand};
 use crate::{
     Error, Result, budget,
     gpu::left_running,
+    panorama::reduce,
     terminal::{self, print, print_lines, say, say_lines},
     warnings,
 };
@@ -53,6 +54,9 @@ pub struct Cli {
     /// How much memory a file may take while it is read, as 512M or 4G [default: half of the machine's]
     #[arg(long, global = true, value_name = "SIZE", value_parser = budget::parse)]
     pub memory: Option<u64>,
+    /// How many texels a panorama and its depth have around at most; larger ones are reduced when they are loaded
+    #[arg(long, global = true, value_name = "WIDTH", value_parser = reduce::parse)]
+    pub panorama_size: Option<u32>,
 }
 
 /// The subcommands.
@@ -145,6 +149,7 @@ impl Cli {
     pub fn run(self) -> Result<()> {
         let quiet = self.command.is_quiet();
         budget::set(self.memory.unwrap_or(0));
+        reduce::set(self.panorama_size.unwrap_or(0));
         let level = match (self.verbose, quiet) {
             (0, true) => tracing::Level::ERROR,
             (0, false) => tracing::Level::WARN,

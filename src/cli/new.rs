@@ -2,13 +2,18 @@
 
 use crate::{
     Error, Result,
-    image_file::write::{folder_of, write_bytes},
+    image_file::{
+        CodeImage, FileImage,
+        write::{folder_of, write_bytes},
+    },
     inspect::Report,
     panorama::{
         cloud::Cloud,
-        depth::{DepthEncoding, box_depth},
+        cube,
+        depth::box_depth,
         guess::{self, Guess},
         packing::packed_codes,
+        preset::{PRESETS, Preset},
         room::level,
         source::PanoramaFrame,
         stream::first_picture,
@@ -31,7 +36,7 @@ use std::{
 /// Arguments of `iprt new`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// The panorama: an image, a video or a %04d pattern
+    /// The panorama: an image, a video, a %04d pattern, or one face of a cubemap in six files
     pub panorama: PathBuf,
     /// Its depth, if the panorama does not hold it, and glTF models to put into it
     pub files: Vec<PathBuf>,
@@ -41,6 +46,9 @@ pub struct Args {
     /// The camera's height over the floor in metres, which gives relative depth its scale
     #[arg(long, value_name = "METRES", default_value_t = 1.6)]
     pub height: f64,
+    /// What wrote the depth, if it is known: the scene file's depth_preset
+    #[arg(long, value_name = "NAME", value_parser = PRESETS.iter().map(|preset| preset.name).collect::<Vec<_>>())]
+    pub depth_preset: Option<String>,
     /// Replace a scene file that is there
     #[arg(long)]
     pub force: bool,
@@ -48,8 +56,8 @@ pub struct Args {
 
 /// Where the depth comes from.
 enum Depth {
-    File(PathBuf, Guess),
-    Packed(&'static str, Guess),
+    File(PathBuf, Guess, CodeImage),
+    Packed(&'static str, Guess, CodeImage),
     Box,
 }
 
@@ -67,12 +75,17 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let models: Vec<&PathBuf> = args.files.iter().filter(is_model).collect();
     let depths: Vec<&PathBuf> = args.files.iter().filter(|path| !is_model(path)).collect();
+    let panorama = Picture::look(&args.panorama)?;
     let depth = match depths.as_slice() {
-        [] => own_depth(args)?,
+        [] => own_depth(args, &panorama)?,
         [depth] => {
-            let subject = depth.display().to_string();
-            let codes = first_picture(depth)?.into_codes(&subject)?;
-            Depth::File((*depth).clone(), guess::rule(&codes, args.height))
+            let path = cube::siblings(depth).unwrap_or_else(|| (*depth).clone());
+            let subject = path.display().to_string();
+            let mut codes = first_picture(&path)?.into_codes(&subject)?;
+            if panorama.is_cube || cube::has_faces(&path) {
+                codes = cube::codes(codes, &subject)?;
+            }
+            Depth::File(path, args.guess(&codes), codes)
         }
         [_, other, ..] => {
             return Err(Error::input(
@@ -82,7 +95,7 @@ pub fn run(args: &Args) -> Result<()> {
             ));
         }
     };
-    let text = scene_text(args, &depth, &models)?;
+    let text = scene_text(args, &panorama, &depth, &models)?;
     write_bytes(&args.output, text.as_bytes())?;
 
     let mut examined = Scene::examine(&args.output);
@@ -101,65 +114,90 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// The panorama's picture.
+struct Picture {
+    path: PathBuf,
+    image: FileImage,
+    /// Whether one image holds the six faces of a cube.
+    is_cube: bool,
+}
+
+impl Picture {
+    fn look(path: &Path) -> Result<Self> {
+        let path = cube::siblings(path).unwrap_or_else(|| path.to_owned());
+        let image = first_picture(&path)?;
+        let color = image.clone().into_color(&path.display().to_string())?;
+        Ok(Self { is_cube: !cube::has_faces(&path) && cube::seems_one(&color), path, image })
+    }
+}
+
+impl Args {
+    fn guess(&self, codes: &CodeImage) -> Guess {
+        match self.depth_preset.as_deref().and_then(Preset::named) {
+            Some(preset) => guess::by_preset(preset, codes, self.height),
+            None => guess::rule(codes, self.height),
+        }
+    }
+}
+
 /// Depth that the panorama's own file holds: as a channel, or as its second half.
-fn own_depth(args: &Args) -> Result<Depth> {
-    let subject = args.panorama.display().to_string();
-    let image = first_picture(&args.panorama)?;
-    let [width, height] = match &image {
-        crate::image_file::FileImage::Raster(raster) => raster.size,
-        crate::image_file::FileImage::Exr(exr) => {
+fn own_depth(args: &Args, panorama: &Picture) -> Result<Depth> {
+    let subject = panorama.path.display().to_string();
+    let (image, in_six) = (&panorama.image, cube::has_faces(&panorama.path));
+    let [width, height] = match image {
+        FileImage::Raster(raster) => raster.size,
+        FileImage::Exr(exr) => {
             let other = exr.layers.iter().map(|layer| layer.channels.len()).sum::<usize>() > 4;
-            if let (true, Ok(codes)) = (other, image.clone().into_codes(&subject)) {
-                return Ok(Depth::File(args.panorama.clone(), guess::rule(&codes, args.height)));
+            if let (true, Ok(mut codes)) = (other, image.clone().into_codes(&subject)) {
+                if panorama.is_cube || in_six {
+                    codes = cube::codes(codes, &subject)?;
+                }
+                return Ok(Depth::File(panorama.path.clone(), args.guess(&codes), codes));
             }
             image.clone().into_color(&subject)?.size
         }
     };
     let packing = match [width, height] {
+        _ if panorama.is_cube || in_six => return Ok(Depth::Box),
         [w, h] if w == h => "top-bottom",
         [w, h] if w == 4 * h => "left-right",
         _ => return Ok(Depth::Box),
     };
-    let codes = packed_codes(image, packing == "left-right", &subject)?;
-    Ok(Depth::Packed(packing, guess::rule(&codes, args.height)))
+    let codes = packed_codes(image.clone(), packing == "left-right", &subject)?;
+    Ok(Depth::Packed(packing, args.guess(&codes), codes))
 }
 
-fn scene_text(args: &Args, depth: &Depth, models: &[&PathBuf]) -> Result<String> {
+fn scene_text(args: &Args, panorama: &Picture, depth: &Depth, models: &[&PathBuf]) -> Result<String> {
     let folder = folder_of(&args.output);
     let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let quoted = |path: &Path| {
         let near = pathdiff::diff_paths(absolute(path), absolute(folder)).unwrap_or_else(|| absolute(path));
         toml::Value::from(near.to_string_lossy().replace('$', "$$")).to_string()
     };
-    let cloud = match depth {
-        Depth::File(path, guess) => {
-            let codes = first_picture(path)?.into_codes(&path.display().to_string())?;
-            let depth = guess.rule.metres(&codes.codes, codes.size);
-            Some(Cloud::of(&PanoramaFrame { depth_size: codes.size, depth, ..Default::default() }, 0.0))
-        }
-        Depth::Packed(packing, guess) => {
-            let image = first_picture(&args.panorama)?;
-            let codes = packed_codes(image, *packing == "left-right", "depth")?;
-            let depth = guess.rule.metres(&codes.codes, codes.size);
-            Some(Cloud::of(&PanoramaFrame { depth_size: codes.size, depth, ..Default::default() }, 0.0))
+    let (depth_size, metres) = match depth {
+        Depth::File(_, guess, codes) | Depth::Packed(_, guess, codes) => {
+            (codes.size, guess.rule.metres(&codes.codes, codes.size))
         }
         Depth::Box => {
             let (depth_size, center) = ([256, 128], Vec3::new(0.0, 1.35 - args.height as f32, 0.0));
-            let depth = box_depth(depth_size, Vec3::new(6.0, 2.7, 6.0), center, 0.0);
-            Some(Cloud::of(&PanoramaFrame { depth_size, depth, ..Default::default() }, 0.0))
+            (depth_size, box_depth(depth_size, Vec3::new(6.0, 2.7, 6.0), center, 0.0))
         }
     };
-    let floor = cloud.as_ref().and_then(|cloud| level(cloud, true));
+    let cloud = Cloud::of(&PanoramaFrame { depth_size, depth: metres, ..Default::default() }, 0.0);
+    let floor = level(&cloud, true);
     let height = floor.map_or(args.height as f32, |floor| floor.distance);
-    let spot = cloud.as_ref().map_or(Vec3::new(0.0, 0.0, -1.6), |cloud| free_spot(cloud, height));
+    let spot = free_spot(&cloud, height);
 
     let mut out = String::from("# Written by iprt new. Every key is in docs/scene.md.\n\n[panorama]\n");
-    let _ = writeln!(out, "color = {}", quoted(&args.panorama));
+    let _ = writeln!(out, "color = {}", quoted(&panorama.path));
+    if panorama.is_cube {
+        let _ = writeln!(out, "layout = \"cube\"  # assumed by the picture's shape: six faces of a cube");
+    }
     match depth {
-        Depth::File(path, _) => {
+        Depth::File(path, ..) => {
             let _ = writeln!(out, "depth = {}", quoted(path));
         }
-        Depth::Packed(packing, _) => {
+        Depth::Packed(packing, ..) => {
             let _ =
                 writeln!(out, "packing = \"{packing}\"  # assumed by the picture's shape: colour first, depth second");
         }
@@ -171,14 +209,13 @@ fn scene_text(args: &Args, depth: &Depth, models: &[&PathBuf]) -> Result<String>
             let _ = writeln!(out, "depth = {{ box = [6, 2.7, 6], center = [0, 1.35, 0] }}");
         }
     }
-    if let Depth::File(_, guess) | Depth::Packed(_, guess) = depth {
+    if let Depth::File(_, guess, _) | Depth::Packed(_, guess, _) = depth {
         let _ = writeln!(out, "# Assumed: {}.", guess.because);
-        let word = match guess.rule.encoding {
-            DepthEncoding::Radial => "radial",
-            DepthEncoding::Disparity => "disparity",
-            DepthEncoding::Planar => "planar",
+        let meaning = match &args.depth_preset {
+            Some(name) => format!("depth_preset = \"{name}\""),
+            None => format!("encoding = \"{}\"", guess.rule.encoding.word()),
         };
-        let _ = writeln!(out, "encoding = \"{word}\"\nscale = {}", guess.rule.scale);
+        let _ = writeln!(out, "{meaning}\nscale = {}", guess.rule.scale);
         if guess.rule.offset != 0.0 {
             let _ = writeln!(out, "offset = {}  # walls are flattest so", guess.rule.offset);
         }

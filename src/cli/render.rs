@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    image_file::write::folder_of,
+    image_file::{tonemap::Tonemap, write::folder_of},
     measure::bench,
     output::FileKind,
     panorama::pattern::Pattern,
@@ -49,6 +49,9 @@ pub struct Args {
     /// Factor on radiance before display [default: the scene's]
     #[arg(long)]
     pub exposure: Option<f32>,
+    /// How light beyond white is shown in all but EXR and HDR: neutral is Khronos PBR Neutral [default: the scene's, or clip]
+    #[arg(long, value_enum)]
+    pub tonemap: Option<Tonemap>,
     /// Images to add to an EXR: names, or all
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     pub aov: Vec<String>,
@@ -74,6 +77,7 @@ pub fn run(args: &Args) -> Result<()> {
     if !(exposure.is_finite() && exposure > 0.0) {
         return Err(Error::input("--exposure", format!("{exposure}"), "give a positive number"));
     }
+    let tonemap = args.tonemap.unwrap_or(scene.render.tonemap);
     let sequence = match target {
         Target::Files(_) => Pattern::parse(&args.output)?.is_sequence(),
         Target::Video | Target::Stream => true,
@@ -126,7 +130,9 @@ pub fn run(args: &Args) -> Result<()> {
     check_aovs(&renderer, &args.aov)?;
     let job =
         if target == Target::Video { job(&scene, &renderer, exposure, spp, warmup, last)? } else { String::new() };
-    let asked = Asked { video: &args.video, frames: [first, last], exposure, aovs: &args.aov, alpha: args.alpha, job };
+    let job = format!("{job} {}", tonemap.name());
+    let frames = [first, last];
+    let asked = Asked { video: &args.video, frames, exposure, tonemap, aovs: &args.aov, alpha: args.alpha, job };
     let mut sink = Sink::open(target, &args.output, &asked, &scene, &renderer)?;
     if !args.picture.quiet {
         super::say(&renderer.plan().summary());

@@ -3,6 +3,7 @@
 use super::render::require_folder;
 use crate::{
     Error, Result,
+    image_file::tonemap::Tonemap,
     media::{
         encode::{Codec, Container, Encoding, Wanted},
         film::{Extras, Film, Look, Shot},
@@ -84,7 +85,7 @@ impl Target {
 
 /// An output that takes one picture after another.
 pub enum Sink {
-    Files { pattern: Pattern, kind: FileKind, aovs: Vec<String>, alpha: bool, exposure: f32 },
+    Files { pattern: Pattern, kind: FileKind, aovs: Vec<String>, alpha: bool, tone: (f32, Tonemap) },
     Film { film: Box<Film>, path: PathBuf, extras: Extras, timing: Timing },
     Stream { stream: Box<RawStream>, look: Look, timing: Timing },
 }
@@ -120,9 +121,9 @@ impl Timing {
 }
 
 /// How a scene's radiance is shown.
-pub fn look_of(scene: &Scene, exposure: f32) -> Look {
+pub fn look_of(scene: &Scene, exposure: f32, tonemap: Tonemap) -> Look {
     let panorama = scene.panorama.clone();
-    Look { exposure, for_display: Arc::new(move |light| panorama.for_display(light)) }
+    Look { exposure, tonemap, for_display: Arc::new(move |light| panorama.for_display(light)) }
 }
 
 impl Sink {
@@ -132,10 +133,11 @@ impl Sink {
     /// Fails if what is asked for does not fit together, or if nothing can be written there.
     pub fn open(target: Target, path: &Path, asked: &Asked, scene: &Scene, renderer: &Renderer) -> Result<Self> {
         let panorama = &scene.panorama;
-        let look = look_of(scene, asked.exposure);
+        let look = look_of(scene, asked.exposure, asked.tonemap);
         if let Target::Files(kind) = target {
             let (pattern, aovs) = (Pattern::parse(path)?, asked.aovs.to_vec());
-            return Ok(Self::Files { pattern, kind, aovs, alpha: asked.alpha, exposure: asked.exposure });
+            let tone = (asked.exposure, asked.tonemap);
+            return Ok(Self::Files { pattern, kind, aovs, alpha: asked.alpha, tone });
         }
         let options = renderer.options();
         let timing = Timing::of(Some(scene), panorama.fps, asked.frames);
@@ -169,12 +171,12 @@ impl Sink {
     /// Fails if it cannot be written.
     pub fn write(&mut self, renderer: &Renderer, scene: &Scene, frame: u32) -> Result<Option<String>> {
         match self {
-            Self::Files { pattern, kind, aovs, alpha, exposure } => {
+            Self::Files { pattern, kind, aovs, alpha, tone } => {
                 let path = pattern.file(frame);
                 if *alpha {
-                    write_alpha(renderer, scene, &path, *exposure)?;
+                    write_alpha(renderer, scene, &path, *tone)?;
                 } else {
-                    write(renderer, scene, &path, *kind, *exposure, aovs)?;
+                    write(renderer, scene, &path, *kind, *tone, aovs)?;
                 }
                 Ok(Some(path.display().to_string()))
             }
@@ -227,6 +229,7 @@ pub struct Asked<'a> {
     pub video: &'a VideoArgs,
     pub frames: [u32; 2],
     pub exposure: f32,
+    pub tonemap: Tonemap,
     pub aovs: &'a [String],
     /// Whether a PNG shows virtual objects alone.
     pub alpha: bool,

@@ -11,6 +11,7 @@ mod png_chunks;
 mod radiance;
 pub mod read;
 pub mod srgb;
+pub mod tonemap;
 pub mod write;
 
 pub use exr_file::{Exr, ExrLayer};

@@ -129,17 +129,30 @@ pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     let known = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff];
     match image::guess_format(bytes) {
         Ok(format) if known.contains(&format) => decode_raster(bytes, format, subject).map(FileImage::Raster),
-        _ if is_video(bytes) => Err(video_refusal(subject)),
-        _ => {
-            Err(Error::input(subject, "is not a PNG, JPEG, WebP, TIFF, EXR or HDR image", "convert it to one of these"))
-        }
+        _ => Err(refusal(bytes, subject)),
     }
 }
 
-/// Makes the answer to a video where a picture is needed.
-fn video_refusal(subject: &str) -> Error {
-    let remedy = "give one of its frames, as from: ffmpeg -i video.mp4 -frames:v 1 frame.png";
-    Error::input(subject, "is a video, but one picture is needed", remedy)
+/// Says what a file is that is no picture, or none that is read.
+fn refusal(bytes: &[u8], subject: &str) -> Error {
+    if let Some(kind) = photograph(bytes) {
+        let remedy = "convert it, as with: heif-convert photo.heic photo.png (of libheif)";
+        return Error::input(subject, format!("is a picture of the kind {kind}, which is not read"), remedy);
+    }
+    if is_video(bytes) {
+        let remedy = "give one of its frames, as from: ffmpeg -i video.mp4 -frames:v 1 frame.png";
+        return Error::input(subject, "is a video, but one picture is needed", remedy);
+    }
+    Error::input(subject, "is not a PNG, JPEG, WebP, TIFF, EXR or HDR image", "convert it to one of these")
+}
+
+/// Recognises pictures in the containers of videos, as phones write them.
+fn photograph(bytes: &[u8]) -> Option<&'static str> {
+    match (bytes.get(4..8)?, bytes.get(8..12)?) {
+        (b"ftyp", b"avif" | b"avis") => Some("AVIF"),
+        (b"ftyp", b"heic" | b"heix" | b"heim" | b"heis" | b"hevc" | b"mif1" | b"msf1") => Some("HEIC"),
+        _ => None,
+    }
 }
 
 fn is_video(bytes: &[u8]) -> bool {

@@ -10,7 +10,10 @@ use super::{
 };
 use crate::{
     Error, Result,
-    image_file::write::{folder_of, make_folder, write_bytes},
+    image_file::{
+        tonemap::Tonemap,
+        write::{folder_of, make_folder, write_bytes},
+    },
     temporary::Temporary,
 };
 use glam::Vec3;
@@ -51,6 +54,8 @@ pub struct SourceCodes {
 #[derive(Clone)]
 pub struct Look {
     pub exposure: f32,
+    /// What becomes of light beyond white, but in HDR.
+    pub tonemap: Tonemap,
     /// What is undone where the output holds no more than white.
     pub for_display: Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>,
 }
@@ -61,8 +66,12 @@ impl Encoding {
         let tags = &self.packer.tags;
         let shown = |texel: &[f32; 4]| {
             let light = Vec3::new(texel[0], texel[1], texel[2]);
-            let light = if tags.is_hdr() { light } else { (look.for_display)(light) };
-            tags.shown(light * look.exposure)
+            if tags.is_hdr() {
+                return tags.shown(light * look.exposure);
+            }
+            let light = (look.for_display)(light) * look.exposure;
+            // Codes have room for what is a little brighter than white.
+            tags.shown(if look.tonemap == Tonemap::Clip { light } else { look.tonemap.map(light) })
         };
         let shown: Vec<[f32; 3]> = shot.texels.par_iter().map(shown).collect();
         match &shot.source {

@@ -15,6 +15,20 @@ pub enum DepthEncoding {
     Planar,
 }
 
+impl DepthEncoding {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Radial, Self::Disparity, Self::Planar];
+
+    /// Returns the word of a scene file.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Radial => "radial",
+            Self::Disparity => "disparity",
+            Self::Planar => "planar",
+        }
+    }
+}
+
 /// The spacing of integer codes. It limits how well a surface is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Quantisation {
@@ -35,6 +49,13 @@ pub struct Rule {
     pub offset: f64,
     /// Codes that are holes.
     pub invalid: Vec<f64>,
+}
+
+impl Default for Rule {
+    /// Distance in metres; 0 is a hole.
+    fn default() -> Self {
+        Self { encoding: DepthEncoding::Radial, scale: 1.0, offset: 0.0, invalid: vec![0.0] }
+    }
 }
 
 impl Rule {

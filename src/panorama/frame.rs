@@ -1,16 +1,18 @@
 //! Makes a frame of what was read: mends colour and depth, and warns of what is unusual about them.
 
 use super::{
+    cube,
     depth::{Quantisation, Rule, box_depth, length_words, unit_warning},
     level::Levelling,
     packing::{halves, unpack},
     pattern::Pattern,
+    reduce,
     source::{DepthSource, Packing, PanoramaFrame, PanoramaSpec},
     tone,
 };
 use crate::{
     Error, Result,
-    image_file::{CodeImage, ColorImage, FileImage, layers::Taken, read, srgb::srgb_to_linear},
+    image_file::{CodeImage, ColorImage, FileImage, layers::Taken, srgb::srgb_to_linear},
     media::{VideoInfo, planes::Part},
 };
 use glam::Vec3;
@@ -71,29 +73,43 @@ fn no_layer(layer: Option<&str>, subject: &str) -> Result<()> {
 }
 
 /// Makes a frame from what was read. `number` is that of a file or of a video's frame, and
-/// `is_first` says that it is the first one of the panorama.
+/// `is_first` says that it is the first one of the panorama. Returns also the picture's size in the file.
 pub(super) fn make_frame(
     spec: &PanoramaSpec,
     number: u32,
     is_first: bool,
     color: Picture,
     depth: Option<Picture>,
-) -> Result<PanoramaFrame> {
+) -> Result<(PanoramaFrame, [u32; 2])> {
     let subject = color.subject().to_owned();
     let of_video = matches!(color, Picture::Video { .. });
     let mut warnings = Vec::new();
-    let (color, packed) = color.color(spec)?;
+    let (mut color, mut packed) = color.color(spec)?;
+    if spec.cubes[0] {
+        color = cube::color(color, &subject)?;
+    }
+    if spec.cubes[1] {
+        packed = packed.map(|codes| cube::codes(codes, &subject)).transpose()?;
+    }
     let mut taken = [color.taken.as_ref().map(|taken| taken.note("color")), None];
-    let mut color = finish_color(color, spec, &subject, &mut warnings)?;
+    let color = finish_color(color, spec, &subject, &mut warnings)?;
+    let picture_size = color.size;
+    let mut color = reduce::color(color);
 
     let rule = &spec.rule;
     let from_codes = |codes: CodeImage| {
+        let codes = reduce::codes(codes);
         let quantisation = if codes.integer { rule.quantisation() } else { Quantisation::None };
         (codes.size, rule.metres(&codes.codes, codes.size), quantisation)
     };
     if let Some(mask) = &spec.mask {
         let mask = Pattern::parse(mask)?.file(number);
-        forget_masked(&mut color, &read::read(&mask)?.into_color(&mask.display().to_string())?);
+        let subject = mask.display().to_string();
+        let mut mask = cube::read(&mask)?.into_color(&subject)?;
+        if spec.cubes[0] && cube::is_cube(mask.size) {
+            mask = cube::color(mask, &subject)?;
+        }
+        forget_masked(&mut color, &mask);
     }
     let level = Levelling::of(spec);
     if let Some(level) = &level {
@@ -109,7 +125,10 @@ pub(super) fn make_frame(
         }
         (DepthSource::Files(_), Some(picture), _) => {
             depth_subject = picture.subject().to_owned();
-            let codes = picture.codes(spec.depth_layer.as_deref())?;
+            let mut codes = picture.codes(spec.depth_layer.as_deref())?;
+            if spec.cubes[1] {
+                codes = cube::codes(codes, &depth_subject)?;
+            }
             taken[1] = codes.taken.as_ref().map(|taken| taken.note("depth"));
             tell(&codes.notes, codes.taken.as_ref(), "depth", &depth_subject, &mut warnings);
             check_aspect(codes.size, &depth_subject, &mut warnings);
@@ -138,7 +157,7 @@ pub(super) fn make_frame(
         warnings.extend(unit_warning(&depth, rule).map(|warning| format!("{depth_subject}: {warning}")));
     }
     let white = color.ldr.then(|| tone::expand(Vec3::ONE, spec.inverse_tonemap).x * spec.exposure);
-    Ok(PanoramaFrame {
+    let frame = PanoramaFrame {
         color_size: size,
         radiance: color.texels,
         white,
@@ -147,7 +166,8 @@ pub(super) fn make_frame(
         quantisation,
         warnings,
         taken,
-    })
+    };
+    Ok((frame, picture_size))
 }
 
 /// Passes on what is unusual about a file, and which channels were taken if that is in doubt.

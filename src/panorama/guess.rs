@@ -3,6 +3,7 @@
 use super::{
     cloud::Cloud,
     depth::{DepthEncoding, Rule, unit},
+    preset::Preset,
     room::{BENT, bending, is_inverted, level},
     source::PanoramaFrame,
 };
@@ -24,7 +25,7 @@ fn cloud(codes: &CodeImage, rule: &Rule) -> Cloud {
 /// Guesses the rule of an image of depth. `height` is that of the camera over the floor in metres, which gives
 /// relative depth its scale.
 pub fn rule(codes: &CodeImage, height: f64) -> Guess {
-    let radial = Rule { encoding: DepthEncoding::Radial, scale: 1.0, offset: 0.0, invalid: vec![0.0] };
+    let radial = Rule::default();
     let seen = cloud(codes, &radial);
     if is_inverted(&seen) {
         return disparity(codes, radial, height);
@@ -53,6 +54,19 @@ pub fn rule(codes: &CodeImage, height: f64) -> Guess {
     let flat = bending(&seen, |i| axis(i) / seen.depth[i].max(1e-6));
     let encoding = if bent > BENT && flat < 0.4 * bent { DepthEncoding::Planar } else { DepthEncoding::Radial };
     Guess { rule: Rule { encoding, scale, ..radial }, because }
+}
+
+/// Returns what a preset says, with a guess at the scale of relative depth.
+pub fn by_preset(preset: &Preset, codes: &CodeImage, height: f64) -> Guess {
+    let named = preset.rule();
+    match (preset.scale, preset.encoding) {
+        (Some(_), _) => Guess { rule: named, because: format!("what {} writes", preset.name) },
+        (None, DepthEncoding::Disparity) => disparity(codes, named, height),
+        (None, _) => {
+            let guess = rule(codes, height);
+            Guess { rule: Rule { scale: guess.rule.scale, ..named }, because: guess.because }
+        }
+    }
 }
 
 fn disparity(codes: &CodeImage, radial: Rule, height: f64) -> Guess {

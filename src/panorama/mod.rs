@@ -1,6 +1,7 @@
 //! The 360° RGBD video. Files or memory become linear radiance and metres, on the equirectangular mapping.
 pub mod clipped;
 pub mod cloud;
+pub mod cube;
 pub mod depth;
 mod frame;
 pub mod guess;
@@ -10,6 +11,8 @@ pub mod light;
 pub mod mapping;
 pub mod packing;
 pub mod pattern;
+pub mod preset;
+pub mod reduce;
 pub mod room;
 pub mod source;
 pub mod stream;

@@ -86,6 +86,8 @@ pub struct PanoramaSpec {
     /// The layer or channel of an EXR that holds the depth; by default the one whose name means depth.
     pub depth_layer: Option<String>,
     pub packing: Packing,
+    /// Whether the colour, and depth that is no panorama, are cubemaps.
+    pub cubes: [bool; 2],
     pub frames: Option<FrameRange>,
     /// Frames a second of a sequence.
     pub fps: f64,
@@ -187,6 +189,11 @@ impl PanoramaSource {
             FrameSource::Files(stream) => Some(stream.plan()),
             FrameSource::Memory(_) => None,
         }
+    }
+
+    /// Returns width and height of the first picture in its file, once one was loaded. The frame may be smaller.
+    pub fn picture_size(&self) -> Option<[u32; 2]> {
+        self.plan()?.picture_size.get().copied()
     }
 
     /// Returns the video that the colour comes from, if it does.

@@ -2,11 +2,12 @@
 //! on a thread of its own while frames are asked for in order.
 
 use super::{
+    cube,
     frame::{Picture, make_frame},
     source::PanoramaFrame,
     tracks::{Pick, Plan, Track},
 };
-use crate::{Error, Result, image_file::read, media::Decoder};
+use crate::{Error, Result, media::Decoder};
 use std::{
     collections::VecDeque,
     fmt,
@@ -97,12 +98,14 @@ impl Reader {
                 (Track::Video(info), Some(codes)) => {
                     Ok(Picture::Video { subject, info: Arc::clone(info), codes: Arc::clone(codes) })
                 }
-                _ => Ok(Picture::File { subject, image: read::read(&path)? }),
+                _ => Ok(Picture::File { subject, image: cube::read(&path)? }),
             }
         };
         let color_picture = picture(&plan.color, pick.color, &color)?;
         let depth_picture = plan.depth.as_ref().map(|track| picture(track, pick.depth, &depth)).transpose()?;
-        let frame = Arc::new(make_frame(&plan.spec, pick.color, index == 0, color_picture, depth_picture)?);
+        let (frame, size) = make_frame(&plan.spec, pick.color, index == 0, color_picture, depth_picture)?;
+        let frame = Arc::new(frame);
+        let _ = plan.picture_size.set(size); // that of the first frame counts
         self.last = Some(Made { pick, codes: [color, depth], frame: Arc::clone(&frame) });
         Ok(frame)
     }
@@ -273,9 +276,9 @@ pub fn first_picture(path: &std::path::Path) -> Result<crate::image_file::FileIm
             let Some(number) = pattern.existing()?.first().copied() else {
                 return Err(Error::input(path.display(), "no file fits this pattern", "check the pattern"));
             };
-            read::read(&pattern.file(number))
+            cube::read(&pattern.file(number))
         }
-        Track::Images(_) => read::read(path),
+        Track::Images(pattern) => cube::read(&pattern.file(0)),
         Track::Video(info) => {
             let codes = Decoder::new(Arc::clone(&info)).read(0)?;
             Ok(info.planes(&codes).image())

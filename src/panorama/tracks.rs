@@ -1,6 +1,7 @@
 //! Which pictures of which files make a frame of the panorama, and when it is shown.
 
 use super::{
+    cube,
     pattern::{Pattern, over_gaps},
     source::{DepthSource, PanoramaSpec},
 };
@@ -8,7 +9,11 @@ use crate::{
     Error, Result,
     media::{self, VideoInfo},
 };
-use std::{iter, path::Path, sync::Arc};
+use std::{
+    iter,
+    path::Path,
+    sync::{Arc, OnceLock},
+};
 
 /// Where pictures of colour or of depth come from.
 #[derive(Clone, Debug)]
@@ -55,6 +60,8 @@ pub(super) struct Plan {
     pub fps: f64,
     /// The same as a fraction.
     pub rate: [u32; 2],
+    /// Width and height of the pictures in their files, once one was loaded.
+    pub picture_size: OnceLock<[u32; 2]>,
 }
 
 impl Plan {
@@ -96,15 +103,14 @@ impl Plan {
             }
         };
         let mut files = numbers.iter().flat_map(|number| patterns().map(|pattern| pattern.file(*number)));
-        if let Some(missing) = files.find(|file| !file.exists()) {
-            return Err(Error::input(missing.display(), "there is no such file", "check the name and the frames"));
-        }
+        files.try_for_each(|file| demand(&file))?;
         let fps = spec.fps;
         Ok(Self {
             times: (0..numbers.len()).map(|index| index as f64 / fps).collect(),
             picks: numbers.iter().map(|number| Pick { color: *number, depth: *number }).collect(),
             fps,
             rate: media::probe::rational(fps),
+            picture_size: OnceLock::new(),
             spec: Arc::new(spec),
             color: Track::Images(color),
             depth: depth.map(Track::Images),
@@ -175,7 +181,7 @@ impl Plan {
             warnings.push(format!("{}: assumed {}", info.path.display(), info.assumed.join("; ")));
         }
         let fps = f64::from(rate[0]) / f64::from(rate[1]);
-        Ok(Self { spec: Arc::new(spec), color, depth, picks, times, fps, rate })
+        Ok(Self { spec: Arc::new(spec), color, depth, picks, times, fps, rate, picture_size: OnceLock::new() })
     }
 }
 
@@ -197,13 +203,19 @@ fn files(track: &Track) -> Result<Files> {
             Files::Numbers(numbers)
         }
         Track::Images(pattern) => {
-            let file = pattern.file(0);
-            if !file.exists() {
-                return Err(Error::input(file.display(), "there is no such file", "check the name"));
-            }
+            demand(&pattern.file(0))?;
             Files::One
         }
     })
+}
+
+/// Fails if there is no such file, or if one of the six is missing that a cubemap's name stands for.
+fn demand(file: &Path) -> Result<()> {
+    match cube::has_faces(file) {
+        true => cube::files(file).map(|_| ()),
+        false if file.exists() => Ok(()),
+        false => Err(Error::input(file.display(), "there is no such file", "check the name and the frames")),
+    }
 }
 
 /// Which frame of depth belongs to each chosen frame of colour: that of the same number, or at another rate the one

@@ -4,7 +4,9 @@ use super::resources::{Kernel, Resources};
 use crate::{
     Result,
     gpu::{Bind, Format, Frame, Gpu, Image, Threads},
-    gpu_struct, shaders,
+    gpu_struct,
+    image_file::tonemap::Tonemap,
+    shaders,
 };
 
 /// What the numbers of an image mean, which decides how they are shown.
@@ -104,6 +106,7 @@ gpu_struct! {
         pub light_scales: [f32; 2],
         pub channel: i32,
         pub exposure: f32,
+        pub tonemap: u32,
         pub raised: f32,
         pub scale: f32,
         pub marks: u32,
@@ -150,6 +153,8 @@ pub struct Input<'a> {
     pub look: Meaning,
     /// The factor on radiance.
     pub exposure: f32,
+    /// How light beyond white is shown.
+    pub tonemap: Tonemap,
     /// The panorama's `inverse_tonemap` and exposure, which are undone for display.
     pub raised: [f32; 2],
     /// Pixels where this is not 0 are marked.
@@ -190,6 +195,7 @@ impl Display {
             light_scales: scales,
             channel: channel.map_or(-1, |channel| channel as i32),
             exposure: input.exposure,
+            tonemap: input.tonemap as u32,
             raised: input.raised[0],
             scale: input.raised[1].max(1e-9),
             marks: u32::from(input.marked.is_some()),

@@ -125,12 +125,19 @@ impl Panorama {
         for size in [color_size, depth_size] {
             if size.contains(&0) || size.iter().any(|&n| n >= LARGEST) {
                 let problem = format!("{}×{} texels", size[0], size[1]);
-                return Err(Error::input("panorama", problem, format!("sizes from 1 to {} can be used", LARGEST - 1)));
+                let remedy = format!("sizes from 1 to {} can be used; --panorama-size reduces it", LARGEST - 1);
+                return Err(Error::input("panorama", problem, remedy));
             }
         }
         let shape = PyramidShape::new(depth_size);
         let with_poles = [depth_size[0], depth_size[1] + 2];
-        let radiance = gpu.image("panorama radiance", color_size, 1, needs.color_levels, Format::Rgba32f)?;
+        let radiance = gpu.image("panorama radiance", color_size, 1, needs.color_levels, Format::Rgba32f);
+        let radiance = radiance.map_err(|error| match error {
+            Error::Input { subject, problem, .. } => {
+                Error::Input { subject, problem, remedy: "give --panorama-size 4096, or use another device".into() }
+            }
+            other => other,
+        })?;
         let angles_size = [with_poles[0].max(with_poles[1]), 2];
         let angles_image = gpu.image("panorama angles", angles_size, 1, 1, Format::Rg32f)?;
         gpu.write_image(&angles_image, 0, 0, &angles(depth_size, yaw_degrees, angles_size[0]))?;

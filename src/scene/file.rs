@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     Error,
-    image_file::read,
+    image_file::{read, tonemap::Tonemap},
     panorama::source::PanoramaSpec,
     settings::{Method, Settings},
 };
@@ -44,6 +44,8 @@ pub struct RenderSettings {
     pub method: String,
     /// A factor on radiance for display.
     pub exposure: f32,
+    /// How light beyond white is shown.
+    pub tonemap: Tonemap,
     /// The values of `--set`, by key.
     pub set: BTreeMap<String, toml::Value>,
 }
@@ -58,7 +60,7 @@ impl RenderSettings {
 
 impl Default for RenderSettings {
     fn default() -> Self {
-        Self { method: "iprt".into(), exposure: 1.0, set: BTreeMap::new() }
+        Self { method: "iprt".into(), exposure: 1.0, tonemap: Tonemap::Clip, set: BTreeMap::new() }
     }
 }
 
@@ -136,7 +138,7 @@ pub fn parse(path: &Path, text: &str) -> Result<SceneFile, Vec<Error>> {
         }
         fields.file_path("gltf")
     });
-    let render = root.table("render", &["method", "exposure", "set"]).map(|fields| read_render(&fields));
+    let render = root.table("render", &["method", "exposure", "tonemap", "set"]).map(|fields| read_render(&fields));
     let problems = report.into_problems();
     match panorama {
         Some(panorama) if problems.is_empty() => Ok(SceneFile {
@@ -326,6 +328,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
     let speed = fields.number("speed").unwrap_or(1.0);
     let offset = fields.number("offset").unwrap_or(0.0);
     let hold = fields.word("repeat", &["loop", "hold"]) == Some(1);
+    let name = fields.string("name").map(str::to_owned);
     let source = match (gltf, shape) {
         (Some(path), None) => ObjectSource::Gltf(path),
         (None, Some(shape)) => ObjectSource::Shape(shape, size.unwrap_or(Vec3::ONE)),
@@ -337,7 +340,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
         }
         ObjectSource::Shape(shape, _) => Shape::NAMES[*shape as usize].to_owned(),
     };
-    let name = fields.string("name").map_or_else(default_name, str::to_owned);
+    let name = name.unwrap_or_else(default_name);
     Some(ObjectSpec { name, source, placement, place, side, variant, clip, speed, offset, hold, material })
 }
 
@@ -436,6 +439,7 @@ fn read_render(fields: &FieldTable) -> RenderSettings {
     let render = RenderSettings {
         method: fields.string("method").map_or(default.method, str::to_owned),
         exposure: fields.number_in("exposure", "above 0", |v| v > 0.0).unwrap_or(1.0) as f32,
+        tonemap: fields.word("tonemap", &Tonemap::NAMES).map_or(Tonemap::Clip, |index| Tonemap::ALL[index]),
         set,
     };
     match Method::parse(&render.method, &fields.subject("method")) {

@@ -4,8 +4,10 @@ use super::{fields::FieldTable, file::vec3};
 use crate::{
     media,
     panorama::{
+        cube,
         depth::{DepthEncoding, Rule},
         pattern::Pattern,
+        preset::{PRESETS, Preset},
         source::{DepthSource, FrameRange, LampRule, Packing, PanoramaSpec},
     },
 };
@@ -17,8 +19,10 @@ pub(super) const KEYS: &[&str] = &[
     "color",
     "depth",
     "packing",
+    "layout",
     "frames",
     "fps",
+    "depth_preset",
     "encoding",
     "scale",
     "offset",
@@ -67,29 +71,40 @@ pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> 
         warnings
             .push(format!("{}: has no effect, as color is neither a video nor a %d pattern", fields.subject("frames")));
     }
-    let encoding = match fields.word("encoding", &["radial", "disparity", "planar"]) {
-        Some(1) => DepthEncoding::Disparity,
-        Some(2) => DepthEncoding::Planar,
-        _ => DepthEncoding::Radial,
+    let is_cube = fields.word("layout", &["equirect", "cube"]) == Some(1);
+    let six = |path: Option<&PathBuf>| path.is_some_and(|path| cube::has_faces(path));
+    let depth_path = match &depth {
+        Some(DepthSource::Files(path)) => Some(path),
+        _ => None,
     };
+    let cubes = [is_cube || six(color.as_ref()), is_cube || six(color.as_ref()) || six(depth_path)];
+    let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
+    let preset = fields.word("depth_preset", &names).map(|index| &PRESETS[index]);
+    if preset.is_some_and(|preset| preset.scale.is_none()) && !fields.has("scale") {
+        fields.complain("depth_preset", "is relative", "give scale, too; iprt new finds one");
+    }
+    let base = preset.map_or_else(Rule::default, Preset::rule);
+    let encoding = fields.word("encoding", &DepthEncoding::ALL.map(DepthEncoding::word));
     let positive = |key: &str| fields.number_in(key, "above 0", |v| v > 0.0);
     let rule = Rule {
-        encoding,
-        scale: fields.number_in("scale", "other than 0", |v| v != 0.0).unwrap_or(1.0),
-        offset: fields.number("offset").unwrap_or(0.0),
-        invalid: fields.codes("invalid").unwrap_or_else(|| vec![0.0]),
+        encoding: encoding.map_or(base.encoding, |index| DepthEncoding::ALL[index]),
+        scale: fields.number_in("scale", "other than 0", |v| v != 0.0).unwrap_or(base.scale),
+        offset: fields.number("offset").unwrap_or(base.offset),
+        invalid: fields.codes("invalid").unwrap_or(base.invalid),
     };
     let angle = |key: &str| fields.number_in(key, "from -180 to 180", |v| v.abs() <= 180.0).unwrap_or(0.0) as f32;
     let inverse_tonemap = fields.number_in("inverse_tonemap", "from 1 to 1e6", |v| (1.0..=1e6).contains(&v));
-    Some(PanoramaSpec {
-        color: color?,
+    let is_whole = color.is_some() && depth.is_some();
+    let spec = PanoramaSpec {
+        color: color.unwrap_or_default(),
         color_layer,
-        depth: depth?,
+        depth: depth.unwrap_or(DepthSource::Packed),
         depth_layer,
         mask: fields.file_path("mask"),
         pitch_degrees: angle("pitch"),
         roll_degrees: angle("roll"),
         packing,
+        cubes,
         frames,
         fps: positive("fps").unwrap_or(30.0),
         rule,
@@ -102,7 +117,8 @@ pub(super) fn read_panorama(fields: &FieldTable, warnings: &mut Vec<String>) -> 
             Some(_) => LampRule::AsCaptured,
             None => LampRule::Estimate,
         }),
-    })
+    };
+    is_whole.then_some(spec)
 }
 
 /// Reads `"estimate"`, `"as captured"` or a factor.

@@ -163,23 +163,24 @@ impl<'a> Room<'a> {
 
     fn pixel(&mut self, at: [f32; 2], subject: &str) -> Result<Vec3> {
         let (capture, yaw) = (self.panorama.position, f64::from(self.panorama.yaw_degrees));
+        let panorama = self.panorama;
         let (frame, _) = self.measured()?;
-        let [width, height] = frame.color_size;
+        let size = panorama.picture_size().unwrap_or(frame.color_size);
+        let [width, height] = size;
         if !(0.0..width as f32).contains(&at[0]) || !(0.0..height as f32).contains(&at[1]) {
             let problem = format!("the pixel lies outside the picture, which is {width}x{height}");
             return Err(Error::input(subject, problem, "give a column and a row of the panorama's picture"));
         }
         let pixel = [at[0] as u32, at[1] as u32];
         let scaled = |axis: usize| {
-            (u64::from(2 * pixel[axis] + 1) * u64::from(frame.depth_size[axis]) / u64::from(2 * frame.color_size[axis]))
-                as usize
+            (u64::from(2 * pixel[axis] + 1) * u64::from(frame.depth_size[axis]) / u64::from(2 * size[axis])) as usize
         };
         let metres = frame.depth[scaled(1) * frame.depth_size[0] as usize + scaled(0)];
         if metres <= 0.0 {
             let remedy = "choose another, whose depth is known";
             return Err(Error::input(subject, "the depth has a hole at that pixel", remedy));
         }
-        let direction = panorama_to_world(texel_direction(pixel[0], pixel[1], frame.color_size), yaw);
+        let direction = panorama_to_world(texel_direction(pixel[0], pixel[1], size), yaw);
         Ok(capture + direction.as_vec3() * metres)
     }
 }

@@ -6,14 +6,18 @@ use super::{
     session::{Drag, Session, WindowRequest},
     state::{Compare, Side},
 };
-use crate::settings::Method;
+use crate::{
+    panorama::mapping::{bilinear, world_to_panorama},
+    settings::Method,
+};
 use egui::{Key, Modifiers, PointerButton};
 use glam::{Quat, Vec2, Vec3, vec2};
 use std::{path::PathBuf, time::Instant};
 
 /// The keys and what they do, for the help in the window and for the documents.
 pub const KEYS: &[(&str, &str)] = &[
-    ("drag", "look; on an object: move it along real surfaces"),
+    ("drag", "look; on an object: move it on its level"),
+    ("Alt+drag on an object", "move it along real surfaces: onto tables, walls, the floor"),
     ("Shift+drag, Ctrl+drag on an object", "turn it, scale it"),
     ("right drag", "look, whatever is under the pointer"),
     ("wheel", "zoom; Ctrl: scale the selected object by a tenth a notch"),
@@ -31,8 +35,10 @@ pub const KEYS: &[(&str, &str)] = &[
     ("O, Shift+O", "the next, the previous image (AOV)"),
     ("U", "mark what the capture never saw"),
     ("R", "accumulate anew"),
+    ("X, Y, Z while it is dragged", "move it along that axis of the world alone"),
     (", .", "turn the selected object by 15°"),
     ("- =", "scale it by a tenth"),
+    ("Ctrl+D", "a copy of it beside it"),
     ("Delete", "remove it"),
     ("Ctrl+Z, Ctrl+Y", "undo, redo"),
     ("Ctrl+S", "save the scene"),
@@ -66,6 +72,12 @@ pub fn keys(session: &mut Session, ctx: &egui::Context) {
     }
     if with(Modifiers::COMMAND, Key::Z) {
         session.editor.as_mut().map(Editor::undo);
+    }
+    if with(Modifiers::COMMAND, Key::D) {
+        let right = session.lens().map_or(Vec3::X, |lens| lens.camera.rotation * Vec3::X);
+        let (time, aside) = (session.time, right.with_y(0.0).normalize_or(Vec3::X));
+        let copied = session.editor.as_mut().map_or(Ok(()), |editor| editor.duplicate(time, aside));
+        session.check(copied);
     }
     if with(Modifiers::COMMAND, Key::S) {
         session.save(&PathBuf::from(session.save_path.clone()));
@@ -219,6 +231,7 @@ pub fn pointer(session: &mut Session, response: &egui::Response, ui: &egui::Ui) 
     let on_divider = |at: egui::Pos2, session: &Session| {
         session.compare == Compare::Split && (at.x - rect.min.x - session.divider * rect.width()).abs() < GRAB
     };
+    session.under = response.hover_pos().and_then(|at| described(session, place(at)));
     if let Some(at) = response.hover_pos() {
         if on_divider(at, session) {
             ui.set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
@@ -269,9 +282,15 @@ pub fn pointer(session: &mut Session, response: &egui::Response, ui: &egui::Ui) 
                 session.divider = place(at).x.clamp(0.0, 1.0);
             }
         }
-        Some(Drag::Move { grip }) => {
+        Some(Drag::Move { grip, foot }) => {
             if let Some(at) = response.interact_pointer_pos() {
-                drag_along(session, place(at) + grip);
+                let held = |key| ui.input(|input| input.key_down(key));
+                match [(Key::X, Vec3::X), (Key::Y, Vec3::Y), (Key::Z, Vec3::Z)].into_iter().find(|(key, _)| held(*key))
+                {
+                    Some((_, axis)) => drag_on_axis(session, place(at) + grip, foot, axis),
+                    None if modifiers.alt => drag_along(session, place(at) + grip),
+                    None => drag_level(session, place(at) + grip, foot),
+                }
             }
         }
         Some(way @ (Drag::Turn | Drag::Scale)) if by != Vec2::ZERO => {
@@ -300,6 +319,24 @@ fn under(session: &Session, place: Vec2) -> Option<usize> {
     pick::object_at(scene, surface, &lens, place, session.time)
 }
 
+/// Says what is seen at a place in the picture: an object or the room, how far it is and where, and the captured radiance.
+fn described(session: &Session, place: Vec2) -> Option<String> {
+    let (editor, lens, frame) = (session.editor.as_ref()?, session.lens()?, session.shown.surface.as_deref()?);
+    let (scene, origin, direction) = (editor.scene(), lens.camera.position, lens.direction(place));
+    if let Some(index) = under(session, place) {
+        let distance = scene.first_object(origin, direction, session.time)?.1;
+        let [x, y, z] = (origin + distance * direction).to_array();
+        return Some(format!("{}: {distance:.2} m, at ({x:.2}, {y:.2}, {z:.2})", editor.names().get(index)?));
+    }
+    let (centre, yaw_degrees) = (scene.panorama.position, scene.panorama.yaw_degrees);
+    let (point, _) = pick::RealSurface { frame, centre, yaw_degrees }.hit(origin, direction)?;
+    let to_point = world_to_panorama((point - centre).as_dvec3(), f64::from(yaw_degrees));
+    let [x, y, z] = point.to_array();
+    let [r, g, b] = bilinear(frame, to_point.as_vec3()).to_array();
+    let distance = point.distance(origin);
+    Some(format!("the room: {distance:.2} m, at ({x:.2}, {y:.2}, {z:.2}), radiance {r:.3} {g:.3} {b:.3}"))
+}
+
 /// What a drag that begins here moves.
 fn grab(session: &mut Session, place: Vec2, modifiers: Modifiers) -> Drag {
     let Some(index) = under(session, place) else { return Drag::Look };
@@ -313,9 +350,37 @@ fn grab(session: &mut Session, place: Vec2, modifiers: Modifiers) -> Drag {
     } else if modifiers.command {
         Drag::Scale
     } else {
-        let foot = lens.and_then(|lens| lens.project(pick::foot(&editor.bounds(index, time))));
-        Drag::Move { grip: foot.map_or(Vec2::ZERO, |foot| foot - place) }
+        let foot = pick::foot(&editor.bounds(index, time));
+        let seen = lens.and_then(|lens| lens.project(foot));
+        Drag::Move { grip: seen.map_or(Vec2::ZERO, |seen| seen - place), foot }
     }
+}
+
+/// Moves the selected object on the level where it stood, to what is seen of that at a place in the picture.
+fn drag_level(session: &mut Session, place: Vec2, foot: Vec3) {
+    let Some(lens) = session.lens() else { return };
+    let (origin, direction) = (lens.camera.position, lens.direction(place));
+    let distance = (foot.y - origin.y) / direction.y;
+    if (0.05..50.0).contains(&distance) {
+        move_foot(session, origin + distance * direction);
+    }
+}
+
+/// Moves the selected object along an axis through where it stood, to where that is nearest to a place in the picture.
+fn drag_on_axis(session: &mut Session, place: Vec2, foot: Vec3, axis: Vec3) {
+    let Some(lens) = session.lens() else { return };
+    if let Some(at) = pick::along_axis(foot, axis, lens.camera.position, lens.direction(place)) {
+        move_foot(session, at);
+    }
+}
+
+/// Puts the foot of the selected object at a point of the world.
+fn move_foot(session: &mut Session, at: Vec3) {
+    let time = session.time;
+    let Some((index, editor)) = session.editor.as_mut().and_then(|e| Some((e.selected()?, e))) else { return };
+    let mut to = editor.transform(index, time);
+    to.translation += at - pick::foot(&editor.bounds(index, time));
+    editor.place(index, to, time);
 }
 
 /// Puts the selected object where the real surface is seen at a place in the picture.

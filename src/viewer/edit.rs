@@ -182,6 +182,23 @@ impl Editor {
         Ok(objects.len() - 1)
     }
 
+    /// Adds a copy of the selected object beside it, in this direction, and selects it.
+    ///
+    /// # Errors
+    /// Fails if the scene cannot be packed.
+    pub fn duplicate(&mut self, time: f64, aside: Vec3) -> Result<()> {
+        let Some((index, object)) = self.now.selected.and_then(|i| Some((i, self.now.scene.objects().nth(i)?.clone())))
+        else {
+            return Ok(());
+        };
+        let bounds = self.bounds(index, time);
+        let mut to = object.placement.at(time);
+        to.translation += 1.1 * (bounds.max - bounds.min).dot(aside.abs()) * aside;
+        let copy = self.add(object, self.now.made[index].clone())?;
+        self.place(copy, to, time);
+        Ok(())
+    }
+
     /// Removes the selected object.
     ///
     /// # Errors

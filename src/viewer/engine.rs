@@ -356,8 +356,9 @@ impl<'a> Worker<'a> {
             if painter.frames < frames.min(enough) {
                 return true;
             }
-            let written = FileKind::of(path)
-                .and_then(|kind| output::write(renderer, &wanted.scene, path, kind, wanted.exposure, &[]));
+            let written = FileKind::of(path).and_then(|kind| {
+                output::write(renderer, &wanted.scene, path, kind, (wanted.exposure, wanted.tonemap), &[])
+            });
             notices.push(match written {
                 Ok(()) => Notice::Written { path: path.clone(), size: wanted.size, frames: painter.frames },
                 Err(error) => Notice::Failed(error.to_string()),

@@ -350,6 +350,7 @@ impl Painter {
             other,
             look: if other.is_some() { Meaning::Difference } else { Meaning::of(name) },
             exposure: wanted.exposure,
+            tonemap: wanted.tonemap,
             raised: [panorama.inverse_tonemap, panorama.exposure()],
             marked: marked.as_ref(),
         };

@@ -9,7 +9,9 @@ use super::{
     state::{Compare, RenderedPicture, Side},
     timings_panel,
 };
-use crate::{gpu::PresentMode, passes::display::Meaning, scene::shapes::Shape, settings::Method};
+use crate::{
+    gpu::PresentMode, image_file::tonemap::Tonemap, passes::display::Meaning, scene::shapes::Shape, settings::Method,
+};
 use egui::{Align2, Color32, RichText, Ui};
 use glam::{EulerRot, Quat, Vec3};
 use std::{path::PathBuf, time::Duration};
@@ -142,7 +144,16 @@ fn image(session: &mut Session, ui: &mut Ui) {
         let drag = egui::DragValue::new(&mut session.exposure).speed(0.01).range(1e-3..=1e3);
         ui.label("exposure");
         ui.add(drag).on_hover_text("factor on radiance before it is displayed; default 1");
+        for map in Tonemap::ALL {
+            let hover = match map {
+                Tonemap::Clip => "what is brighter than white is white",
+                Tonemap::Neutral => "highlights are compressed (Khronos PBR Neutral), here and in PNGs and videos",
+            };
+            ui.selectable_value(&mut session.tonemap, map, map.name()).on_hover_text(hover);
+        }
     });
+    ui.add(egui::Label::new(RichText::new(session.under.as_deref().unwrap_or("–")).weak()).wrap())
+        .on_hover_text("what is under the pointer: metres from the camera, place in the world, captured radiance");
     ui.checkbox(&mut session.mark_unknown, "mark what was never seen").on_hover_text(
         "stripes where a ray of the camera passes behind something that hid it from the capture point (U)",
     );
@@ -263,6 +274,16 @@ fn window_options(session: &mut Session, ui: &mut Ui) {
     ui.horizontal(|ui| {
         if ui.button("full screen").on_hover_text("F11").clicked() {
             session.actions.push(WindowRequest::FullScreen);
+        }
+        let hover = "prints the iprt render … that gives A's picture, in the terminal";
+        if ui.button("as a command").on_hover_text(hover).clicked() {
+            match session.command() {
+                Ok(command) => {
+                    crate::terminal::say(&command);
+                    session.say(command);
+                }
+                Err(problem) => session.complain(problem),
+            }
         }
         if ui.button("help").on_hover_text("F1").clicked() {
             session.help = !session.help;

@@ -105,6 +105,13 @@ pub fn onto(bounds: &Bounds, point: Vec3, normal: Vec3) -> Vec3 {
     point + normal * half.dot(normal.abs()) - bounds.center()
 }
 
+/// The point of a line, through `from` along a unit axis, that is nearest to a ray. A ray along the line has none.
+pub fn along_axis(from: Vec3, axis: Vec3, origin: Vec3, direction: Vec3) -> Option<Vec3> {
+    let (between, cosine) = (origin - from, axis.dot(direction));
+    let sine2 = 1.0 - cosine * cosine;
+    (sine2 > 1e-3).then(|| from + (axis.dot(between) - cosine * direction.dot(between)) / sine2 * axis)
+}
+
 /// Where a box touches what is under it.
 pub fn foot(bounds: &Bounds) -> Vec3 {
     bounds.center().with_y(bounds.min.y)
@@ -138,6 +145,17 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn an_axis_is_followed_to_where_the_pointer_is() {
+        let (foot, origin) = (vec3(0.5, 0.2, -2.0), vec3(0.0, 1.5, 0.3));
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+            let there = foot + 0.7 * axis;
+            let found = along_axis(foot, axis, origin, (there - origin).normalize()).expect("it is seen from the side");
+            assert!(found.abs_diff_eq(there, 1e-4), "{axis}: {found}");
+        }
+        assert_eq!(along_axis(foot, Vec3::Y, origin, Vec3::Y), None);
     }
 
     #[test]

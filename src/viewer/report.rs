@@ -78,6 +78,8 @@ pub fn note(word: &str, session: &Session, window: [u32; 2]) -> Value {
         "divider": session.divider,
         "difference_shown": session.shown.difference.is_some(),
         "aov": session.aov,
+        "under": session.under,
+        "command": session.command().unwrap_or_default(),
         "shown": shown.collect::<Vec<_>>(),
         "present": session.mode.name(),
         "text": session.messages.iter().map(|message| message.text.clone()).collect::<Vec<_>>(),

@@ -4,7 +4,10 @@
 use super::edit::{Editor, Made, Origin};
 use crate::{
     Error, Result,
-    image_file::write::{folder_of, make_folder, write_bytes},
+    image_file::{
+        tonemap::Tonemap,
+        write::{folder_of, make_folder, write_bytes},
+    },
     scene::{
         Scene,
         animation::Placement,
@@ -27,11 +30,11 @@ pub struct SavedView {
 }
 
 /// A method and its settings as a scene file gives them.
-pub fn render_settings(method: Method, settings: &Settings, exposure: f32) -> RenderSettings {
+pub fn render_settings(method: Method, settings: &Settings, exposure: f32, tonemap: Tonemap) -> RenderSettings {
     let preset = Settings::of(method).values();
     let differing = settings.values().into_iter().zip(preset).filter(|(now, preset)| now != preset);
     let set = differing.map(|((name, value), _)| (name.to_owned(), toml::Value::String(value))).collect();
-    RenderSettings { method: method.name(), exposure, set }
+    RenderSettings { method: method.name(), exposure, tonemap, set }
 }
 
 /// Where a scene is saved by default: its own file, or a folder with the room's name.
@@ -92,6 +95,7 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
     let mut document = parse(from, &text)?;
     let first = |mut problems: Vec<Error>| problems.remove(0);
     let specs = read_scene_file(from).map_err(first)?.objects;
+    let names: Vec<String> = specs.iter().map(|spec| spec.name.clone()).collect();
     // What the room places stands where it did when the scene was opened.
     let known: Vec<Placement> = if specs.iter().any(|spec| spec.place.is_some() || spec.side.is_some()) {
         Scene::load(from)?.objects().map(|object| object.placement.clone()).collect()
@@ -109,6 +113,10 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
         let mut table = kept.unwrap_or_default();
         table.set_position(None); // in the order of the objects, not of the former file
         match made {
+            // A copy has another name.
+            Made::Kept(index) if names.get(*index).is_some_and(|name| *name != object.name) => {
+                table["name"] = toml_edit::value(&object.name);
+            }
             Made::Kept(_) => {}
             Made::Gltf(path) => {
                 table["name"] = toml_edit::value(&object.name);
@@ -188,6 +196,9 @@ fn write_render(document: &mut DocumentMut, render: &RenderSettings) {
     let Some(table) = table.as_table_like_mut() else { return };
     table.insert("method", toml_edit::value(&render.method));
     table.insert("exposure", toml_edit::value(shortest(render.exposure)));
+    if table.contains_key("tonemap") || render.tonemap != default.tonemap {
+        table.insert("tonemap", toml_edit::value(render.tonemap.name()));
+    }
     let mut set = toml_edit::InlineTable::new();
     for (key, value) in &render.set {
         set.insert(key, value.as_str().unwrap_or_default().into());

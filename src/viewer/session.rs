@@ -10,7 +10,8 @@ use super::{
 use crate::{
     Error, Result,
     gpu::{Blit, PresentMode, Timings},
-    scene::{Object, Scene, camera::Camera},
+    image_file::tonemap::Tonemap,
+    scene::{Object, Scene, camera::Camera, file::RenderSettings},
     settings::Method,
     warnings,
 };
@@ -19,6 +20,12 @@ use std::{
     sync::Arc,
     time::{Duration, Instant},
 };
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@".contains(c);
+    if word.chars().all(is_plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+}
 
 /// What the session asks of the window.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,8 +70,8 @@ pub enum Drag {
     /// The line between A and B.
     Divider,
     /// An object, over surfaces. `grip` is the way from the pointer to the object's foot, as a part of the
-    /// picture.
-    Move { grip: glam::Vec2 },
+    /// picture, and `foot` where that was in the world.
+    Move { grip: glam::Vec2, foot: glam::Vec3 },
     /// An object, about its vertical axis.
     Turn,
     /// The size of an object.
@@ -87,6 +94,8 @@ pub struct Session {
     pub divider: f32,
     pub aov: String,
     pub exposure: f32,
+    /// How light beyond white is shown.
+    pub tonemap: Tonemap,
     pub mark_unknown: bool,
     pub target_ms: f64,
     pub restart: u64,
@@ -97,6 +106,8 @@ pub struct Session {
     /// Whether the user is asked what becomes of changes before the window closes.
     pub closing: bool,
     pub drag: Option<Drag>,
+    /// What is under the pointer, in words.
+    pub under: Option<String>,
     /// Whether keys that move the camera are down.
     pub walking: bool,
     pub messages: Vec<Message>,
@@ -110,6 +121,8 @@ pub struct Session {
     pub model_path: String,
     /// Where the session saved before.
     saved: Option<PathBuf>,
+    /// The scene file that it wrote then, and the camera that it wrote there.
+    written: Option<(PathBuf, Option<Free>)>,
     /// Times of A's last frames, the newest last.
     pub frame_times: Vec<FrameRecord>,
     last_serial: u64,
@@ -138,6 +151,7 @@ impl Session {
             divider: 0.5,
             aov: "radiance".into(),
             exposure: 1.0,
+            tonemap: Tonemap::Clip,
             mark_unknown: false,
             target_ms,
             restart: 0,
@@ -147,6 +161,7 @@ impl Session {
             help: false,
             closing: false,
             drag: None,
+            under: None,
             walking: false,
             messages: Vec::new(),
             errors: Vec::new(),
@@ -156,6 +171,7 @@ impl Session {
             save_path: String::new(),
             model_path: String::new(),
             saved: None,
+            written: None,
             frame_times: Vec::new(),
             last_serial: 0,
             played_at: None,
@@ -173,6 +189,7 @@ impl Session {
         self.save_path = save::usual_place(&origin).display().to_string();
         self.sides[0] = side;
         self.exposure = exposure;
+        self.tonemap = scene.render.tonemap;
         self.editor = Some(Editor::new(scene, origin));
     }
 
@@ -332,6 +349,7 @@ impl Session {
             compare: self.compare,
             aov: self.aov.clone(),
             exposure: self.exposure,
+            tonemap: self.tonemap,
             mark_unknown: self.mark_unknown,
             moving: self.is_moving(),
             target_ms: self.target_ms,
@@ -400,17 +418,50 @@ impl Session {
         let side = &self.sides[0];
         let view = save::SavedView {
             camera: self.free.map(|free| free.track(editor.scene().camera.size)),
-            render: render_settings(side.method, &side.settings, self.exposure),
+            render: render_settings(side.method, &side.settings, self.exposure, self.tonemap),
         };
         let again = self.saved.as_deref() == Some(to);
         let saved = save::save(editor, &view, to, again);
         if let Some(path) = self.check(saved) {
             self.saved = Some(to.to_owned());
+            self.written = Some((path.clone(), self.free));
             if let Some(editor) = &mut self.editor {
                 editor.mark_saved();
             }
             self.say(format!("{} written", path.display()));
         }
+    }
+
+    /// The command that renders what picture A shows.
+    ///
+    /// # Errors
+    /// Fails if no scene file holds what is seen.
+    pub fn command(&self) -> std::result::Result<String, &'static str> {
+        let editor = self.editor.as_ref().ok_or("the scene is being loaded")?;
+        let camera = self.written.as_ref().and_then(|(_, camera)| *camera);
+        if editor.changed() || self.free != camera {
+            return Err("save the scene first: the command reads objects and camera from its file");
+        }
+        let scene = match (&self.written, &editor.origin) {
+            (Some((path, _)), _) | (None, Origin::File(path)) => quoted(&path.display().to_string()),
+            (None, Origin::Room(room)) => room.name.to_owned(),
+        };
+        let [width, height] = self.picture_size().ok_or("the window shows no picture")?;
+        let side = &self.sides[0];
+        let RenderSettings { method, exposure, tonemap, set } =
+            render_settings(side.method, &side.settings, self.exposure, self.tonemap);
+        let frame = self.frame();
+        let frames = self.shown.pictures[0].as_ref().map_or(1, |picture| picture.frames.max(1));
+        let mut command = format!("iprt render {scene} -o picture.png --size {width}x{height} --method {method}");
+        for (key, value) in set {
+            command += &format!(" --set {key}={}", value.as_str().unwrap_or_default());
+        }
+        command += &format!(" --exposure {exposure} --tonemap {} --frames {frame}..{frame}", tonemap.name());
+        match side.method {
+            Method::Reference => command += &format!(" --spp {frames}"),
+            _ => command += &format!(" --warmup {}", frames - 1),
+        }
+        Ok(command)
     }
 
     /// Says whether the window may close. If there is anything to save, the user is asked, once.

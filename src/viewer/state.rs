@@ -2,6 +2,7 @@
 
 use crate::{
     gpu::{Image, Timings},
+    image_file::tonemap::Tonemap,
     panorama::source::PanoramaFrame,
     scene::Scene,
     settings::{Method, Settings},
@@ -69,6 +70,8 @@ pub struct Wanted {
     pub aov: String,
     /// Factor on radiance before display.
     pub exposure: f32,
+    /// How light beyond white is shown.
+    pub tonemap: Tonemap,
     /// Whether to mark what the capture never saw.
     pub mark_unknown: bool,
     /// Whether the view keeps changing. A quick picture is then better than a good one.
@@ -85,7 +88,7 @@ impl Wanted {
     /// Whether both requests ask for the same.
     pub fn same(&self, other: &Self) -> bool {
         let marks = (self.mark_unknown, self.moving) == (other.mark_unknown, other.moving);
-        let numbers = (self.exposure, self.target_ms) == (other.exposure, other.target_ms);
+        let numbers = (self.exposure, self.tonemap, self.target_ms) == (other.exposure, other.tonemap, other.target_ms);
         let pictures = self.sides == other.sides && self.compare == other.compare;
         self.same_view(other) && pictures && self.aov == other.aov && marks && numbers
     }

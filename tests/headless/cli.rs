@@ -105,6 +105,63 @@ fn pictures_have_the_size_and_layers_asked_for() {
     assert_eq!(left, ["a.exr", "a.png", "b_002.png", "b_003.png"]);
 }
 
+#[test]
+fn light_beyond_white_is_mapped_as_asked() {
+    use iprt::image_file::{read, tonemap::Tonemap, write::display_code};
+    let folder = Folder::with_scene();
+    folder.succeeds("render -q scene.toml -o linear.exr --warmup 0 --without-objects");
+    let linear = read::read(&folder.path("linear.exr")).expect("readable").into_color("linear.exr").expect("a picture");
+    let mut seen = Vec::new();
+    for (flags, map) in [("", Tonemap::Clip), (" --tonemap neutral", Tonemap::Neutral)] {
+        folder.succeeds(&format!("render -q scene.toml -o shown.png --warmup 0 --without-objects --exposure 3{flags}"));
+        let shown = image::open(folder.path("shown.png")).expect("readable").to_rgb8().into_raw();
+        let right = linear
+            .texels
+            .iter()
+            .flat_map(|texel| map.map(3.0 * glam::Vec3::from_slice(&texel[..3])).to_array().map(display_code));
+        assert!(shown.iter().zip(right).all(|(a, b)| a.abs_diff(b) <= 1), "{map:?}");
+        let stream = folder.run(&format!(
+            "render -q scene.toml -o - --pix-fmt rgb24 --frames 0..0 --warmup 0 --without-objects --exposure 3{flags}"
+        ));
+        assert!(shown.iter().zip(&stream.stdout).all(|(a, b)| a.abs_diff(*b) <= 1), "{map:?} as a stream");
+        seen.push(shown);
+    }
+    let white = |codes: &[u8]| codes.iter().filter(|code| **code == 255).count();
+    assert!(white(&seen[0]) > 50 && white(&seen[1]) == 0, "{} and {}", white(&seen[0]), white(&seen[1]));
+    // The scene file can say it, and a command goes before it.
+    folder.write("neutral.toml", &format!("{}\n[render]\ntonemap = \"neutral\"\n", crate::folder::SCENE));
+    folder.succeeds("render -q neutral.toml -o said.png --warmup 0 --without-objects --exposure 3");
+    assert_eq!(image::open(folder.path("said.png")).expect("readable").to_rgb8().into_raw(), seen[1]);
+}
+
+#[test]
+fn a_panorama_is_reduced_when_asked() {
+    let folder = Folder::with_scene();
+    let size = |flags: &str| {
+        let report = folder.succeeds(&format!("check scene.toml --json -q {flags}"));
+        let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+        report["color"]["size"].clone()
+    };
+    assert_eq!(size(""), serde_json::json!([64, 32]));
+    assert_eq!(size("--panorama-size 16"), serde_json::json!([16, 8]));
+    assert_eq!(size("--panorama-size 4096"), serde_json::json!([64, 32]), "none is made larger");
+    // A pixel is one of the file's picture, however large the panorama is.
+    let ball = "[[object]]\nshape = \"sphere\"\nsize = 0.2\nplace = { pixel = [50, 20] }\n";
+    folder.write("placed.toml", &format!("[panorama]\ncolor = \"room.png\"\ndepth = {{ box = [4, 3, 5] }}\n{ball}"));
+    let place = |flags: &str| {
+        let report = folder.succeeds(&format!("check placed.toml --json -q {flags}"));
+        let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+        report["objects"][0]["center"]
+            .as_array()
+            .expect("three")
+            .iter()
+            .map(|x| x.as_f64().expect("a number"))
+            .collect::<Vec<_>>()
+    };
+    let apart = place("").iter().zip(place("--panorama-size 32")).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 0.3, "{apart} m");
+}
+
 fn json(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(path).expect("written")).expect("JSON")
 }

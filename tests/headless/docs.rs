@@ -9,12 +9,18 @@ use iprt::{
         target::TargetArgs,
     },
     gpu::{Access, Binding, Kind, bindings},
+    panorama::preset::Preset,
     passes::PASSES,
     plan::Part,
+    scene::file::parse,
     settings::{Method, Settings},
     shaders::current,
 };
-use std::{fmt::Write, fs, path::PathBuf};
+use std::{
+    fmt::Write,
+    fs,
+    path::{Path, PathBuf},
+};
 
 fn file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(name)
@@ -33,6 +39,62 @@ fn the_table_of_keys_is_the_windows_own() {
         iprt::viewer::controls::KEYS.iter().map(|(keys, meaning)| format!("| {keys} | {meaning} |\n")).collect();
     let table = format!("| key | does |\n|---|---|\n{rows}");
     generated("docs/window.md", "keys", "the table in src/viewer/controls.rs", &table);
+}
+
+#[test]
+fn the_table_of_depth_presets_is_the_codes_own() {
+    generated("docs/scene.md", "depth presets", "src/panorama/preset.rs", &Preset::markdown());
+}
+
+/// The parser itself says which keys there are, and which types it wants of them.
+#[test]
+fn every_key_of_a_scene_file_is_described_with_its_type() {
+    let text = fs::read_to_string(file("docs/scene.md")).expect("there");
+    let problems = |scene: &str| -> Vec<String> {
+        let problems = parse(Path::new("s.toml"), scene).expect_err("it is wrong");
+        problems.iter().map(ToString::to_string).collect()
+    };
+    for (heading, head) in [
+        ("`[panorama]`", "[panorama]"),
+        ("`[camera]`", "[camera]"),
+        ("`[[object]]`", "[[object]]"),
+        ("`[[object]]`", "[[object]]\nshape = 'box'\n[object.material]"),
+        ("`[[object]]`", "[[object]]\nshape = 'box'\n[object.place]"),
+        ("`[room]`", "[room]"),
+        ("`[render]`", "[render]"),
+    ] {
+        let section = text.split("\n## ").find(|section| section.starts_with(heading)).expect(heading);
+        let answers = problems(&format!("{head}\nzzzzzzzzzzzzzzzzzzzzzzzz = 1\n"));
+        let known = answers.iter().find_map(|line| line.split("known here: ").nth(1)).expect("all keys are told");
+        for key in known.split(", ") {
+            // Key, type, default and meaning, and what is before and after the bars.
+            let mut rows = section.lines().map(|line| line.split('|').map(str::trim).collect::<Vec<_>>());
+            let cells = rows.find(|cells| cells.len() == 6 && cells[1].contains(&format!("`{key}`")));
+            let Some(cells) = cells.filter(|_| !head.contains('.')) else {
+                assert!(section.contains(key), "docs/scene.md says nothing of {key} in {head}");
+                continue;
+            };
+            let field = if head == "[[object]]" {
+                format!("object[0].{key}")
+            } else {
+                format!("{}.{key}", &head[1..head.len() - 1])
+            };
+            let answers = problems(&format!("{head}\n{key} = true\n"));
+            let answer =
+                answers.iter().find(|line| line.contains(&format!(": {field}: "))).expect("a boolean is never right");
+            let right = match answer {
+                line if line.contains("a finite number") => "number",
+                line if line.contains("a string") => "text",
+                line if line.contains("an array of 3 finite") => "3 numbers",
+                line if line.contains("an array of finite") => "numbers",
+                line if line.contains("an array of whole") => "whole numbers",
+                line if line.contains("an array of tables") => "tables",
+                line if line.contains("table") => "table",
+                _ => "text, number or table",
+            };
+            assert!(cells[2].starts_with(right), "{field} is {}, but: {answer}", cells[2]);
+        }
+    }
 }
 
 /// Replaces what stands between two marks of a document, or demands that it is the same.

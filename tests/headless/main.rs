@@ -17,6 +17,7 @@ mod clipped;
 mod common;
 mod compare;
 mod converged;
+mod cubes;
 mod devices;
 mod docs;
 mod fault_cases;

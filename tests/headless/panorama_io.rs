@@ -198,6 +198,8 @@ fn unusable_files_give_one_line_that_names_them() {
     refused("is not a PNG, JPEG, WebP, TIFF, EXR or HDR");
     std::fs::write(&color, b"\0\0\0\x20ftypisom\0\0\0\0").expect("written");
     refused("ffmpeg");
+    std::fs::write(&color, b"\0\0\0\x1cftypheic\0\0\0\0").expect("written");
+    refused("of the kind HEIC, which is not read; convert it");
     exr(&color, [4, 2], &[("X", 1.0), ("diffuse.U", 1.0)]);
     refused("has no R, G, B nor Y channel, but X, diffuse.U");
     std::fs::remove_file(&color).expect("removed");

@@ -315,7 +315,8 @@ fn a_session_looks_picks_drags_compares_and_steps() {
 fn the_screen_and_a_screenshot_are_what_render_gives() {
     let (folder, display) = (room(), Display::start());
     // What is found of lamps is found in the first frame.
-    folder.write("scene.toml", &SCENE.replace("[camera]", "lamps = \"as captured\"\n[camera]"));
+    let scene = SCENE.replace("[camera]", "lamps = \"as captured\"\n[camera]");
+    folder.write("scene.toml", &scene.replace("[render]", "[render]\ntonemap = \"neutral\""));
     let script = "
         key P
         key Right
@@ -324,6 +325,7 @@ fn the_screen_and_a_screenshot_are_what_render_gives() {
         settle 5
         screenshot shot.exr
         screenshot shot.png
+        note shot
         await seen
         key V
         await differed
@@ -350,6 +352,13 @@ fn the_screen_and_a_screenshot_are_what_render_gives() {
     folder.write("differed", "");
     let report = session.finish();
     assert_eq!(report.0["errors"], serde_json::json!([]));
+    let command = report.note("shot")["command"].as_str().expect("a command").to_owned();
+    for words in ["iprt render scene.toml -o picture.png --size 160x120 --method paper --set ", " --tonemap neutral "] {
+        assert!(command.contains(words), "{command}");
+    }
+    assert!(command.contains("history=7") && command.contains("--frames 1..1 --warmup "), "{command}");
+    folder.succeeds(command.trim_start_matches("iprt "));
+    assert!(folder.path("picture.png").exists());
     // The frame that the window stood at, as long as it stood. Its plan allows for more, so that bits differ.
     folder.write(
         "still.toml",
@@ -439,6 +448,60 @@ fn what_is_dropped_is_there_and_what_goes_wrong_is_said() {
     assert!(fs::read_to_string(folder.path("with_cube.toml")).expect("saved").contains("gltf = \"cube.glb\""));
     assert!(report.note("gone")["text"].to_string().contains("room_1.png"));
     assert_eq!(report.note("back")["frame"], 0);
+}
+
+#[test]
+fn objects_are_copied_and_moved_along_an_axis() {
+    let (folder, display) = (room(), Display::start());
+    let script = "
+        key P
+        settle 1
+        click left 80,75
+        wait 2
+        note ball
+        move 80,20
+        wait 2
+        note room
+        hold Y
+        drag left 80,75 80,45
+        release Y
+        note lifted
+        drag left 80,45 100,50
+        note level
+        hold alt+F9
+        drag left 100,50 100,80
+        release alt+F9
+        note landed
+        key ctrl+Z
+        key ctrl+Z
+        key ctrl+D
+        settle 1
+        note copied
+        save copied.toml
+        key ctrl+Z
+        note undone
+    ";
+    let report = play(&folder, &display, script, "scene.toml");
+    assert_eq!(report.0["errors"], serde_json::json!([]));
+    let under = |word: &str| report.note(word)["under"].as_str().expect("words").to_owned();
+    let command = |word: &str| report.note(word)["command"].as_str().expect("words").to_owned();
+    assert_eq!(command("copied"), "", "what is not in a file cannot be rendered");
+    assert!(under("ball").starts_with("ball: 1."), "{}", under("ball"));
+    assert!(under("room").starts_with("the room: ") && under("room").contains("radiance"), "{}", under("room"));
+    let place = |word: &str, index: usize| vector(&report.note(word)["objects"][index]["translation"]);
+    let (start, lifted) = (place("room", 0), place("lifted", 0));
+    assert!(lifted[1] > start[1] + 0.3, "upwards: {start:?} {lifted:?}");
+    assert!((lifted[0] - start[0]).abs() < 1e-4 && (lifted[2] - start[2]).abs() < 1e-4, "{start:?} {lifted:?}");
+    let (level, landed) = (place("level", 0), place("landed", 0));
+    assert!((level[1] - lifted[1]).abs() < 1e-4 && level[0] > lifted[0] + 0.1, "on its level: {level:?}");
+    assert!((landed[1] + 1.2).abs() < 0.05, "on the floor, at −1.5: {landed:?}");
+    let copied = report.note("copied");
+    assert_eq!((&copied["selected"], &copied["objects"][1]["name"]), (&1.into(), &"ball-2".into()));
+    assert!(place("copied", 1)[0] > lifted[0] + 0.6 && place("copied", 0) == lifted, "beside it: {copied}");
+    assert_eq!(report.note("undone")["objects"].as_array().map(Vec::len), Some(1), "a copy is one step");
+    let saved = fs::read_to_string(folder.path("copied.toml")).expect("saved");
+    assert!(saved.contains("name = \"ball\" # the ball") && saved.contains("name = \"ball-2\""), "{saved}");
+    folder.succeeds("check copied.toml");
 }
 
 #[test]
