@@ -341,8 +341,13 @@ fn hostile_files_are_refused() {
         ),
         (
             triangle(TRIANGLE, r#""count":3"#, "")
-                .replace(r#""bufferViews":[{"buffer":0,"#, r#""bufferViews":[{"buffer":7,"extensions":{"EXT_meshopt_compression":{}},"#),
-            "EXT_meshopt_compression, which is not read; write it without, as by: gltfpack",
+                .replace(r#""bufferViews":[{"buffer":0,"#, r#""bufferViews":[{"buffer":7,"extensions":{"EXT_meshopt_compression":{"buffer":0,"byteLength":36,"mode":"TRIANGLES","count":4,"byteStride":12}},"#),
+            "buffer view 0: its meshopt mode, filter, count and stride do not fit each other",
+        ),
+        (
+            triangle(TRIANGLE, r#""count":3"#, "")
+                .replace(r#""bufferViews":[{"buffer":0,"#, r#""bufferViews":[{"buffer":7,"extensions":{"KHR_meshopt_compression":{"buffer":0,"byteLength":36,"mode":"ATTRIBUTES","count":3,"byteStride":12}},"#),
+            "buffer view 0: its meshopt data is damaged",
         ),
     ] {
         let line = inline(&members).expect_err(words);
@@ -439,10 +444,9 @@ fn every_listed_extension_is_read_or_named() {
         KHR_materials_emissive_strength KHR_materials_ior KHR_materials_iridescence KHR_materials_sheen \
         KHR_materials_specular KHR_materials_transmission KHR_materials_unlit KHR_materials_variants \
         KHR_materials_volume KHR_materials_pbrSpecularGlossiness KHR_mesh_quantization KHR_texture_transform \
-        EXT_mesh_gpu_instancing EXT_texture_webp KHR_xmp_json_ld KHR_xmp";
+        EXT_meshopt_compression KHR_meshopt_compression EXT_mesh_gpu_instancing EXT_texture_webp KHR_xmp_json_ld KHR_xmp";
     // What these compress is an error or a warning where it is met, with a command that converts the file.
-    let converted = "KHR_draco_mesh_compression EXT_meshopt_compression KHR_meshopt_compression KHR_texture_basisu \
-        EXT_texture_avif MSFT_texture_dds";
+    let converted = "KHR_draco_mesh_compression KHR_texture_basisu EXT_texture_avif MSFT_texture_dds";
     let other = "KHR_animation_pointer KHR_node_visibility KHR_node_hoverability KHR_node_selectability \
         KHR_interactivity KHR_audio_graph KHR_audio_emitter KHR_physics_rigid_bodies KHR_materials_diffuse_transmission \
         KHR_materials_volume_scatter KHR_techniques_webgl KHR_gaussian_splatting EXT_lights_image_based \
@@ -462,6 +466,42 @@ fn every_listed_extension_is_read_or_named() {
                 Ok((_, warnings)) => assert!(!named && warnings.is_empty(), "{name}: {warnings:?}"),
                 Err(line) => assert!(named && line.contains(name) && !line.contains('\n'), "{line}"),
             }
+        }
+    }
+}
+
+/// Files that gltfpack has compressed (`gltfpack -c`, with both extensions and all filters) are what they were.
+#[test]
+fn compressed_by_meshoptimizer() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");
+    for (packed, plain) in [
+        ("meshopt.glb", "RiggedFigure/RiggedFigure.glb"),
+        ("meshopt_khr.glb", "RiggedFigure/RiggedFigure.glb"),
+        ("meshopt_colors.glb", "BoxVertexColors/BoxVertexColors.glb"),
+    ] {
+        let (model, warnings) = gltf::load(&corpus.join(packed)).unwrap_or_else(|error| panic!("{error}"));
+        assert!(warnings.is_empty(), "{warnings:?}");
+        // Vertices are merged and in another order, but the triangles' corners are the same.
+        let corners = |model: &Model| {
+            let (mut tint, mut facing, mut count) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+            for mesh in &model.meshes {
+                for vertex in mesh.triangles.iter().flatten().map(|vertex| *vertex as usize) {
+                    tint += mesh.colors.get(vertex).map_or(Vec3::ONE, |color| color.truncate());
+                    facing += mesh.normals[vertex].abs();
+                    count += 1.0;
+                }
+            }
+            (tint / count, facing / count)
+        };
+        let plain = load(plain).0;
+        let [(tint, facing), (plain_tint, plain_facing)] = [&model, &plain].map(corners);
+        assert!(tint.abs_diff_eq(plain_tint, 0.01), "{packed}: {tint} {plain_tint}");
+        assert!(facing.abs_diff_eq(plain_facing, 0.01), "{packed}: {facing} {plain_facing}");
+        let [packed_scene, plain] = [model, plain].map(scene_of);
+        assert_eq!(packed_scene.packed.triangles.len(), plain.packed.triangles.len(), "{packed}");
+        for time in [0.0, 0.4, 0.9] {
+            let [a, b] = [&packed_scene, &plain].map(|scene| scene.object_bounds(0, time));
+            assert!(a.min.abs_diff_eq(b.min, 4e-3) && a.max.abs_diff_eq(b.max, 4e-3), "{packed}: {a:?} {b:?}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Accessors are typed arrays in buffers. They are checked before anything is read or allocated.
 
-use super::{CONVERTERS, Fault, File, Read, fault, json::Json};
+use super::{Fault, File, Read, fault, json::Json, meshopt};
 use crate::budget;
 
 /// The most elements of all accessors without a buffer (all zero). Others are bounded by their buffer.
@@ -49,19 +49,23 @@ impl Component {
 /// Returns the bytes of a buffer view and its stride.
 pub(super) fn view<'f>(file: &'f File, index: usize, user: &str) -> Read<(&'f [u8], Option<usize>)> {
     let view = file.root.entry("bufferViews", index);
+    let Some(how) = meshopt::of(view) else { return part(file, view, &format!("{user}: buffer view {index}")) };
+    let name_user = |fault: Fault| Fault { problem: format!("{user}: {}", fault.problem), ..fault };
+    let decoded = file.views[index].get_or_init(|| meshopt::decode(file, index, how));
+    Ok((decoded.as_deref().map_err(|fault| name_user(fault.clone()))?, view.index("byteStride")))
+}
+
+/// Returns the part of a buffer that a buffer view names, or its compressed form, and the stride in it.
+pub(super) fn part<'f>(file: &'f File, view: Json, user: &str) -> Read<(&'f [u8], Option<usize>)> {
     let Some(buffer) = view.index("buffer") else {
-        return Err(fault(format!("{user}: buffer view {index} does not exist, or has no buffer")));
+        return Err(fault(format!("{user} does not exist, or has no buffer")));
     };
-    let compressed = CONVERTERS.iter().find(|(extension, _)| view.extension(extension).exists());
-    let bytes = file.buffer(buffer).map_err(|missing| match compressed {
-        Some((extension, command)) => Fault::compressed(user, extension, command),
-        None => missing,
-    })?;
+    let bytes = file.buffer(buffer)?;
     let start = view.index("byteOffset").unwrap_or(0);
     let end = view.index("byteLength").and_then(|length| start.checked_add(length));
     match end.and_then(|end| bytes.get(start..end)) {
         Some(bytes) => Ok((bytes, view.index("byteStride"))),
-        None => Err(fault(format!("{user}: buffer view {index} reaches beyond its buffer"))),
+        None => Err(fault(format!("{user} reaches beyond its buffer"))),
     }
 }
 

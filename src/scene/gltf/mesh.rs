@@ -1,7 +1,7 @@
 //! Reads meshes. All primitives of one mesh become one triangle list with a material for each triangle.
 
 use super::{
-    CONVERTERS, Fault, File, Read, accessor, fault,
+    DRACO, Fault, File, Read, accessor, fault,
     json::Json,
     material::{Materials, Used},
     skin, tangent,
@@ -134,10 +134,10 @@ fn load_part(
         file.warn(user, "has no POSITION: left out");
         return Ok(None);
     };
-    if let Some((extension, command)) = CONVERTERS.iter().find(|(extension, _)| primitive.extension(extension).exists())
-        && !file.root.entry("accessors", positions).get("bufferView").exists()
-    {
-        return Err(Fault::compressed(user, extension, command));
+    let (draco, converter) = DRACO;
+    if primitive.extension(draco).exists() && !file.root.entry("accessors", positions).get("bufferView").exists() {
+        let problem = format!("{user}: its geometry is compressed by {draco}, which is not read");
+        return Err(Fault { problem, remedy: format!("write it without, as by: {converter}") });
     }
     let elements = accessor::elements(file, positions, user)?;
     let vertices = elements.count;

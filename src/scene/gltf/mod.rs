@@ -11,6 +11,7 @@ mod json;
 mod light;
 mod material;
 mod mesh;
+mod meshopt;
 mod node;
 mod resource;
 mod skin;
@@ -30,7 +31,7 @@ use std::{
     path::Path,
 };
 
-const SUPPORTED: [&str; 18] = [
+const SUPPORTED: [&str; 20] = [
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
@@ -45,18 +46,16 @@ const SUPPORTED: [&str; 18] = [
     "KHR_materials_ior",
     "KHR_materials_unlit",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_meshopt_compression",
     "KHR_texture_transform",
     "KHR_mesh_quantization",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "EXT_mesh_gpu_instancing",
 ];
 
-/// Extensions that compress geometry, and the command that writes the file without.
-const CONVERTERS: [(&str, &str); 3] = [
-    ("KHR_draco_mesh_compression", "gltf-transform copy IN.glb OUT.glb"),
-    ("EXT_meshopt_compression", "gltfpack -noq -i IN.glb -o OUT.glb"),
-    ("KHR_meshopt_compression", "gltfpack -noq -i IN.glb -o OUT.glb"),
-];
+/// The extension that compresses geometry and is not read, and the command that writes the file without.
+const DRACO: (&str, &str) = ("KHR_draco_mesh_compression", "gltf-transform copy IN.glb OUT.glb");
 
 /// Extensions with images that are not read, and the command that writes the file with others.
 const IMAGES: [(&str, &str); 3] = [
@@ -105,13 +104,6 @@ fn fault(problem: impl ToString) -> Fault {
     Fault { problem: problem.to_string(), remedy: "repair the glTF file or export it again".into() }
 }
 
-impl Fault {
-    fn compressed(user: &str, extension: &str, command: &str) -> Self {
-        let problem = format!("{user}: its geometry is compressed by {extension}, which is not read");
-        Self { problem, remedy: format!("write it without, as by: {command}") }
-    }
-}
-
 /// Splits a file into its JSON and the binary chunk of a `.glb`.
 fn parse(bytes: &[u8]) -> Read<(Value, Option<&[u8]>)> {
     if bytes.is_empty() {
@@ -158,6 +150,8 @@ struct File<'a> {
     root: Json<'a>,
     blob: Option<&'a [u8]>,
     buffers: Vec<OnceCell<Read<Vec<u8>>>>,
+    /// Buffer views that were compressed.
+    views: Vec<OnceCell<Read<Vec<u8>>>>,
     /// What is to be told, with the first place where it was met and how often.
     warnings: RefCell<BTreeMap<String, (String, usize)>>,
     /// Vertices and triangle corners read so far.
@@ -184,6 +178,7 @@ impl<'a> File<'a> {
             root,
             blob,
             buffers: root.list("buffers").map(|_| OnceCell::new()).collect(),
+            views: root.list("bufferViews").map(|_| OnceCell::new()).collect(),
             warnings: RefCell::default(),
             corners: Cell::new(0),
             variant: None,
@@ -193,7 +188,7 @@ impl<'a> File<'a> {
             file.warn("asset", "has no version: 2.0 is taken");
         }
         let unknown = |name: &&str| {
-            let converted = CONVERTERS.iter().chain(&IMAGES).any(|(known, _)| known == name);
+            let converted = IMAGES.iter().chain([&DRACO]).any(|(known, _)| known == name);
             !SUPPORTED.contains(name) && !SILENT.contains(name) && !converted
         };
         if let Some(extension) = root.texts("extensionsRequired").find(unknown) {
