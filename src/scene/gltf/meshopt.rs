@@ -25,8 +25,8 @@ pub(super) fn decode(file: &File, index: usize, how: Json) -> Read<Vec<u8>> {
     let mode = how.text("mode").unwrap_or_default();
     let filter = how.text("filter").unwrap_or("NONE");
     let fits = match mode {
-        "ATTRIBUTES" => stride % 4 == 0 && (4..=256).contains(&stride),
-        "TRIANGLES" => count % 3 == 0 && [2, 4].contains(&stride),
+        "ATTRIBUTES" => stride.is_multiple_of(4) && (4..=256).contains(&stride),
+        "TRIANGLES" => count.is_multiple_of(3) && [2, 4].contains(&stride),
         "INDICES" => [2, 4].contains(&stride),
         _ => false,
     };
