@@ -197,7 +197,8 @@ pub fn siblings(path: &Path) -> Option<PathBuf> {
     let extension = path.extension().map(|end| format!(".{}", end.to_string_lossy())).unwrap_or_default();
     let words = WORDS.iter().flatten().filter(|word| stem.to_lowercase().ends_with(*word));
     words
-        .map(|word| path.with_file_name(format!("{}{FACE}{extension}", &stem[..stem.len() - word.len()])))
+        .filter_map(|word| stem.get(..stem.len().checked_sub(word.len())?))
+        .map(|start| path.with_file_name(format!("{start}{FACE}{extension}")))
         .find(|path| files(path).is_ok_and(|files| files.iter().any(|file| file.file_stem() == Some(stem.as_ref()))))
 }
 
@@ -268,5 +269,10 @@ mod tests {
             assert_eq!([layout.texel(4, [0, 0]), layout.texel(5, [-3, 0])], [front, back], "{size:?}");
         }
         assert!([[20, 10], [41, 30], [0, 0], [3, 3]].into_iter().all(|size| !is_cube(size)));
+    }
+    #[test]
+    fn names_need_not_be_ascii() {
+        // The Kelvin sign is a small k in lower case, and three bytes long.
+        assert_eq!(siblings(Path::new("bac\u{212a}.png")), None);
     }
 }
