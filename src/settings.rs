@@ -231,6 +231,7 @@ settings! {
         off_centre: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "a camera away from the capture point: its rays are traced through the panorama";
         video: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "a panorama that changes; off: its first frame alone";
         motion: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "objects or a video that move: their motion vectors, and shorter histories where they change the light";
+        reflections: Presence = [Presence::Auto, Presence::Off, Presence::Auto, Presence::Auto], ANY, "", "reflections in smooth surfaces: their history moves as the reflected picture does; off: as the surface does";
         deformation: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "objects that change their shape: skins and morph targets; off: their rest pose";
         free_lamps: Presence = [Presence::Auto, Presence::Off, Presence::Off, Presence::Auto], ANY, "", "small lamps that hang free before what lies behind them: ellipsoids instead of a few texels of the surface";
         radiance_pyramid: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "mip levels of a panorama that is finer than the picture";
@@ -301,7 +302,7 @@ settings! {
         filter_order: FilterOrder = [FilterOrder::TemporalFirst, FilterOrder::SpatialFirst, FilterOrder::TemporalFirst, FilterOrder::TemporalFirst], ANY, "", "which filter comes first";
         atrous_levels: u32 = [3, 5, 3, 0], [0.0, 5.0], "", "levels of the edge-avoiding filter; each doubles the distance between taps";
         atrous_radius: u32 = [2, 2, 2, 2], [1.0, 2.0], "taps", "radius of a level's kernel: 3×3 or 5×5 taps";
-        sigma_luminance: f32 = [3.0, INFINITE, 3.0, 3.0], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the mean, at which the filter's weight is 1/e; inf: luminance does not count";
+        sigma_luminance: f32 = [2.5, INFINITE, 2.5, 2.5], [0.1, f64::INFINITY], "standard deviations", "luminance difference, against the noise of the two means, at which the weight of the filter's first level is 1/e; inf: luminance does not count";
     }
     composite {
         despeckle: bool = [true, false, true, false], ANY, "", "a real pixel's light changes by no more and no less than that of its neighbours: one or two pixels of noisy depth lie anywhere, even in objects";

@@ -76,12 +76,15 @@ void main() {
     // A short history has no variance of its own: the first level then ignores luminance and measures the
     // variance.
     bool measure = FIRST != 0u && (RAW != 0u || imageLoad(in_frames, ivec3(p, LIGHT_NOW(LAYER))).y < 12.0) || !known;
-    vec2 inverse = vec2(0.0);
+    // How far luminance may be off: by the noise of both, so that what is bright by chance is shared out.
+    vec2 within = vec2(FAR);
+    float part = 0.0;
     if (push.sigma_luminance < FAR && FAULT != FAULT_FILTER_BLIND) {
         vec2 deviation = FIRST != 0u && RAW == 0u ? smooth_deviation(p) : light.deviation;
         // What nobody sees may be smoothed away, however well it is known, so that no grain is kept.
         vec2 unseen = vec2(LAYER == REAL ? push.unseen * luma.x * in_view.view.light_units.y / in_view.view.light_units.x : 0.0);
-        inverse = measure ? vec2(0.0) : 1.0 / (push.sigma_luminance * deviation + unseen + 1e-6);
+        part = 0.5 * push.sigma_luminance;
+        if (!measure) within = part * deviation + unseen + 1e-6;
     }
 
     // A mirror is not filtered at all. A lobe of roughness ½ or more is filtered with the whole kernel.
@@ -106,7 +109,7 @@ void main() {
                 apart = guide_off_plane(position, normal, other) * (1.0 / guide_tolerance(distance, reach)); // one division for all taps as far off
             }
             vec2 there_luma = vec2(luminance(there.a), luminance(there.b));
-            vec2 far = apart + abs(there_luma - luma) * inverse;
+            vec2 far = apart + abs(there_luma - luma) / (within + part * there.deviation);
             if (LAYER == VIRTUAL) far.y += reach * inverse_lobe + 16.0 * abs(guide_roughness(other) - roughness);
             vec2 w = LAYER == REAL ? vec2(g * falling(far.yy).y) : g * falling(far);
             if (FIRST != 0u && LAYER == REAL) {

@@ -157,6 +157,15 @@ vec3 project_previous(vec3 point) {
     return vec3(vec2(0.5 + 0.5 * ndc.x, 0.5 - 0.5 * ndc.y) * vec2(v.size), distance);
 }
 
+// Returns how far from a pixel a point was seen a frame ago: xy in pixels, z its distance then; w as given.
+vec4 motion_of(vec2 pixel, vec3 previous_point, float id) {
+    vec3 previous = project_previous(previous_point);
+    vec2 motion = previous.xy - pixel;
+    if (projection() == EQUIRECT) motion.x -= round(motion.x / float(in_view.view.size.x)) * float(in_view.view.size.x);
+    if (FAULT == FAULT_MOTION_OFF) motion.x += 1.0;
+    return vec4(motion, previous.z, id);
+}
+
 // Returns the angle in radians that one pixel spans.
 float pixel_angle() {
     return projection() == EQUIRECT ? PI / float(in_view.view.size.y)

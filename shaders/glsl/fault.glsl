@@ -20,3 +20,4 @@ const uint FAULT_FILTER_BLIND = 12u;
 const uint FAULT_LAST_TILE_LOST = 13u;
 const uint FAULT_NARROW_COLUMNS = 14u;
 const uint FAULT_DRIFT = 15u;
+const uint FAULT_HISTORY_OF_OTHERS = 16u;

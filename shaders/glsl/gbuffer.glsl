@@ -61,14 +61,6 @@ RealPoint real_surface(vec3 d) {
     return r;
 }
 
-vec4 motion_of(vec2 pixel, vec3 previous_point, float id) {
-    vec3 previous = project_previous(previous_point);
-    vec2 motion = previous.xy - pixel;
-    if (projection() == EQUIRECT) motion.x -= round(motion.x / float(in_view.view.size.x)) * float(in_view.view.size.x);
-    if (FAULT == FAULT_MOTION_OFF) motion.x += 1.0;
-    return vec4(motion, previous.z, id);
-}
-
 // Returns the first virtual surface that is there at all along a primary ray before `t_max`, and what share of the
 // light from behind passes all of them that lie before `t_max`.
 SceneHit primary_trace(vec3 d, float t_max, out float passes) {

@@ -15,9 +15,11 @@ vec4 motion_at(ivec2 p, int layer, uvec4 guide) {
 // facing the same way. `q` wraps.
 float history_weight(inout ivec2 q, int layer, vec4 motion, uvec4 guide) {
     if (!neighbour(q)) return 0.0;
+    if (FAULT == FAULT_HISTORY_OF_OTHERS) return 1.0;
     uvec4 then = imageLoad(in_guide, ivec3(q, BEFORE(layer)));
     if (guide_id(then) != guide_id(guide)) return 0.0;
     float distance = length(guide_position(then) - in_view.view.previous_position);
-    if (abs(distance - motion.z) > 0.03 * motion.z) return 0.0;
+    // Before a steady camera depth that flickers is still the same surface.
+    if (abs(distance - motion.z) > (STANDS == STEADY ? 0.15 : 0.03) * motion.z) return 0.0;
     return dot(guide_normal(then), guide_normal(guide)) > 0.85 * 127.0 * 127.0 ? 1.0 : 0.0;
 }

@@ -8,6 +8,7 @@
 // In: list, or what aim left of it; position, normal, hit, real_coverage; panorama, scene, relit panorama. Out: irradiance (E_R and ΔE | E
 // and the rest).
 #include "irradiance.glsl"
+#include "reflection.glsl"
 layout(local_size_x = 64) in;
 
 void real_surface_light(ivec2 p) {
@@ -45,8 +46,11 @@ struct Seen {
     float own; // its part of what is virtual in the pixel
 };
 
+// What a smooth surface reflects: how far from it, 0 if that is not known, and where it was a frame ago, relative to now.
+struct Reflected { float t; vec3 moved; };
+
 // Traces a path from a virtual surface.
-void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3 lambert, inout vec3 rest) {
+void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3 lambert, inout vec3 rest, inout Reflected reflected) {
     Surface s = seen.surface;
     Lobes l = seen.lobes;
     vec3 origin = surface_origin(s), numbers = first_numbers(p, uint(VIRTUAL), path);
@@ -73,6 +77,10 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
     if (factor.x > 0.0 && (largest(ray.weight) > 0.0 || (EMITTERS != 0u && drawn.emitter))) {
         SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, random);
         vec3 weight = factor * mixed_weight(ray, drawn, hit);
+        if (REFLECTIONS != 0u && (lobe == GLOSSY || lobe == COAT) && !behind && !drawn.light && !drawn.emitter) {
+            reflected.t = hit.instance != NONE ? hit.t : ray.real.t;
+            reflected.moved = hit.instance != NONE ? point_motion(in_instances.instance[hit.instance], origin + ray.d * hit.t) : vec3(0.0);
+        }
         if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, lobe == DIFFUSE && !behind, random);
     }
     if (FAULT == FAULT_ENERGY_CLAMP) radiance *= min(1.0, 0.3 / max(luminance(radiance), 1e-20));
@@ -94,8 +102,18 @@ void virtual_surface_light(ivec2 p) {
     if (ALPHA != 0u && SPECULAR != 0u) seen.own = min(seen.surface.alpha / max(1.0 - imageLoad(in_real_coverage, p).x, 1e-4), 1.0);
     uint paths = EARLY != 0u ? uint(max(imageLoad(in_mask, ivec3(p, VIRTUAL)).x, 1.0)) : 1u;
     vec3 lambert = vec3(0.0), rest = vec3(0.0);
-    if (EARLY == 0u) virtual_path(p, 0u, seen, random, lambert, rest);
-    else for (uint path = 0u; path < paths; path++) virtual_path(p, path, seen, random, lambert, rest);
+    Reflected reflected = Reflected(0.0, vec3(0.0));
+    if (EARLY == 0u) virtual_path(p, 0u, seen, random, lambert, rest, reflected);
+    else for (uint path = 0u; path < paths; path++) virtual_path(p, path, seen, random, lambert, rest, reflected);
+    if (REFLECTIONS != 0u) {
+        bool smooth_coat = CLEARCOAT != 0u && seen.surface.clearcoat > 0.0 && seen.surface.clearcoat_roughness < SMOOTH;
+        vec4 texel = vec4(0.0);
+        if (seen.surface.roughness < SMOOTH || smooth_coat) {
+            if (reflected.t <= 0.0) reflected.t = real_distance(seen.surface.position, reflect(seen.from_eye, seen.surface.normal));
+            texel = reflection_motion(vec2(p) + 0.5, seen.surface, SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw)), seen.from_eye, reflected.t, reflected.moved);
+        }
+        imageStore(out_reflected, ivec3(p, LIGHT_NOW(VIRTUAL) & 1), texel);
+    }
     float unit = in_view.view.light_units.y / float(paths);
     imageStore(out_irradiance, ivec3(p, VIRTUAL), light_pack(Light(unit * lambert, unit * rest, vec2(0.0))));
 }

@@ -17,6 +17,7 @@ layout(constant_id = 21) const uint OBJECT_MOTION = 1;    // objects move
 layout(constant_id = 22) const uint INTERREFLECTION = 1;  // a path that leaves an object may meet another
 layout(constant_id = 23) const uint SHOWN = 1;            // the view is the picture, not a map of irradiance
 
+layout(constant_id = 48) const uint REFLECTIONS = 1;       // reflections move over what shows them
 layout(constant_id = 47) const uint EMITTERS = 1;         // rays aim at virtual surfaces that shine
 layout(constant_id = 46) const uint DEFORMATION = 1;      // objects change their shape
 

@@ -10,6 +10,7 @@
 #include "bind/images.glsl"
 #include "tiles.glsl"
 #include "changes.glsl"
+#include "followed.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
 #include "history.glsl"
@@ -19,6 +20,7 @@ layout(constant_id = 2) const uint CLAMP = 1;
 layout(constant_id = 27) const uint LATTICE = 0;  // 1: the mask traces every second pixel of every second row
 layout(constant_id = 31) const uint BRIEF = 0;    // 1: the history is kept in accumulated, in brief
 layout(constant_id = 34) const uint INPUT_BRIEF = 0; // 1: this frame's light is in brief, as atrous leaves it
+layout(constant_id = 38) const uint FOLLOWS = 0;  // 1: what an object does to the light of real surfaces is followed
 layout(constant_id = 12) const uint FILTERED = 0; // 1: atrous came first, and every pixel counts as traced
 
 layout(push_constant, scalar) uniform Push {
@@ -58,9 +60,47 @@ void add(inout History sum, ivec2 q, int layer, float w) {
     sum.frames += w * imageLoad(frames, at).xy;
 }
 
+History divided(History sum, float total) {
+    if (total <= 0.01) return NOTHING;
+    History mean = History(sum.a / total, sum.b / total, sum.spread / total, sum.frames / total);
+    if (BRIEF != 0u) mean.spread /= of_mean(counted(mean.frames));
+    return mean;
+}
+
 Light light_of_frame(ivec3 at) {
     if (INPUT_BRIEF != 0u) return brief_unpack(imageLoad(in_irradiance, at));
     return light_unpack(imageLoad(in_irradiance, at));
+}
+
+const float SHARP = 0.1;     // rougher lobes meet things at many distances
+const float RESAMPLED = 2.0; // frames
+
+// Says whether a history texel was as smooth a surface of the same object, facing the same way, and reflected what this
+// one does: something at the distance that this then had. `q` wraps.
+float reflection_weight(inout ivec2 q, vec4 reflected, uvec4 guide) {
+    if (!neighbour(q)) return 0.0;
+    uvec4 then = imageLoad(in_guide, ivec3(q, BEFORE(VIRTUAL)));
+    if (guide_id(then) != guide_id(guide) || abs(guide_roughness(then) - guide_roughness(guide)) > 0.1) return 0.0;
+    float distance = imageLoad(in_reflected, ivec3(q, LIGHT_BEFORE(VIRTUAL) & 1)).z;
+    if (distance <= 0.0 || (guide_roughness(guide) < SHARP && abs(distance - reflected.w) > 0.1 * reflected.w)) return 0.0;
+    return dot(guide_normal(then), guide_normal(guide)) > 0.85 * 127.0 * 127.0 ? 1.0 : 0.0;
+}
+
+// Returns the mean history around a place of the last frame: of this surface, or with REFLECTED of what it reflects.
+History resample(vec2 at, vec4 motion, uvec4 guide, bool reflected) {
+    History old = NOTHING;
+    float total = 0.0;
+    ivec2 i = ivec2(floor(at));
+    vec2 f = at - vec2(i);
+    [[unroll]] for (int k = 0; k < 4; k++) {
+        ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
+        float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
+        if (w <= 0.0 || (reflected ? reflection_weight(q, motion, guide) : history_weight(q, LAYER, motion, guide)) == 0.0) continue;
+        if (imageLoad(frames, ivec3(q, LIGHT_BEFORE(LAYER))).x <= 0.0) continue;
+        add(old, q, LIGHT_BEFORE(LAYER), w);
+        total += w;
+    }
+    return divided(old, total);
 }
 
 // Returns the mean history of this surface, of length 0 if there is none.
@@ -75,25 +115,12 @@ History reproject(ivec2 p, uvec4 guide) {
         if (imageLoad(frames, ivec3(p, LIGHT_NOW(LAYER))).x <= 0.0) total = 0.0;
         add(old, p, LIGHT_NOW(LAYER), total);
     } else {
-        total = 0.0;
         vec4 motion = motion_at(p, LAYER, guide);
         if (motion.z <= 0.0) return old;
-        vec2 at = vec2(p) + motion.xy;
-        if (dot(motion.xy, motion.xy) < 1e-6) at = vec2(p); // a still pixel is not resampled
-        ivec2 i = ivec2(floor(at));
-        vec2 f = at - vec2(i);
-        [[unroll]] for (int k = 0; k < 4; k++) {
-            ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
-            float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
-            if (w <= 0.0 || history_weight(q, LAYER, motion, guide) == 0.0 || imageLoad(frames, ivec3(q, LIGHT_BEFORE(LAYER))).x <= 0.0) continue;
-            add(old, q, LIGHT_BEFORE(LAYER), w);
-            total += w;
-        }
+        bool still = dot(motion.xy, motion.xy) < 1e-6; // a still pixel is not resampled
+        return resample(vec2(p) + (still ? vec2(0.0) : motion.xy), motion, guide, false);
     }
-    if (total <= 0.01) return NOTHING;
-    old = History(old.a / total, old.b / total, old.spread / total, old.frames / total);
-    if (BRIEF != 0u) old.spread /= of_mean(counted(old.frames));
-    return old;
+    return divided(old, total);
 }
 
 void main() {
@@ -115,6 +142,27 @@ void main() {
     vec2 age = vec2(fresh ? paths : known ? 0.5 : 0.0);
 
     History old = reproject(p, guide);
+    if (REFLECTIONS != 0u && STANDS != STILL && STANDS != STEADY && mask > 0.0 && push.history_valid != 0u) {
+        // What a smooth surface reflects has a history where that was seen.
+        vec4 reflected = imageLoad(in_reflected, ivec3(p, LIGHT_NOW(VIRTUAL) & 1));
+        if (reflected.z > 0.0) {
+            bool still = dot(reflected.xy, reflected.xy) < 1e-6;
+            History seen = resample(vec2(p) + (still ? vec2(0.0) : reflected.xy), reflected, guide, true);
+            old.b = seen.b;
+            old.spread.y = seen.spread.y;
+            old.frames.y = seen.frames.y;
+            // What is sharp has little noise, and each resampling blurs it.
+            if (!still && guide_roughness(guide) < SHARP) old.frames.y = min(old.frames.y, RESAMPLED);
+        }
+    }
+    if (FOLLOWS != 0u && LAYER == REAL && old.frames.y > 0.0 && is_followed(p)) {
+        Light followed = brief_unpack(imageLoad(in_followed_light, at));
+        if (followed.deviation.x > 0.0) {
+            old.b = followed.b;
+            old.frames.y = followed.deviation.x;
+            old.spread.y = followed.deviation.y * followed.deviation.y / of_mean(counted(old.frames)).y;
+        }
+    }
     if (old.frames.x > 0.0) {
         if (CLAMP != 0u) {
             vec3 mean_a = vec3(0.0), mean_b = vec3(0.0), square_a = vec3(0.0), square_b = vec3(0.0);

@@ -24,6 +24,7 @@ layout(push_constant, scalar) uniform Push {
     float history_change;
     float rest_noise; // of the light
 } push;
+layout(constant_id = 38) const uint FOLLOWS = 0; // 1: temporal follows what moves with an object
 layout(constant_id = 36) const uint RESTS = 0; // 1: atrous tells how noisy a tile is
 
 // Points of the panorama's lamps, drawn in proportion to what they send.
@@ -65,21 +66,57 @@ float covers(vec3 x, vec3 normal, vec3 centre, float radius) {
     return sine2 * clamp(up + sine, 0.0, 1.0);
 }
 
-// Returns about how much of a point's light the moving objects changed since the last frame, relative to all of
-// it. Of its own light a moving surface loses little from one frame to the next, as it changes over half a metre.
-float change_at(vec3 x, vec3 normal, uint id) {
-    float sum = 0.0;
+// How moving objects change a point's light.
+struct Change {
+    float all;     // since the last frame, relative to the light
+    float largest; // by one object
+    float whole;   // what this object does to the light in all
+    vec3 moved;    // how far what that object does to the light has moved over the surface
+};
+
+// Returns how far a shadow that a lamp in a direction casts on a plane moves with its caster, `near` times as fast as
+// that: it is the farther, the nearer the caster is to the lamp.
+vec3 shadow_motion(vec3 caster, vec3 normal, vec3 d, float near) {
+    float up = dot(d, normal);
+    return near * (caster - d * (dot(caster, normal) / max(abs(up), 0.1) * sign(up)));
+}
+
+// Returns about how moving objects changed a point's light since the last frame. Of its own light a moving surface
+// loses little from one frame to the next, as it changes over half a metre.
+Change change_at(vec3 x, vec3 normal, uint id) {
+    Change change = Change(0.0, 0.0, 0.0, vec3(FAR));
     for (uint i = 0u; i < in_view.view.mover_count; i++) {
         Mover m = in_movers.mover[i];
-        if (id == guide_object(m.id)) { sum += m.step / 0.5; continue; }
+        if (id == guide_object(m.id)) { change.all += m.step / 0.5; continue; }
+        vec3 step = m.now - m.before;
         float part = max(covers(x, normal, m.now, m.radius), covers(x, normal, m.before, m.radius));
-        sum += part * (1.0 + m.glow) * min(1.0, 2.0 * m.step / m.radius);
-        if (DIRECTIONS == BRDF || in_lights.share <= 0.0) continue;
-        float shaded = 0.0;
-        for (uint k = 0u; k < LAMPS; k++) shaded += max(shade(x, lamp[k], m.now, m.radius), shade(x, lamp[k], m.before, m.radius));
-        sum += min(2.0 * in_lights.share, 1.0) / float(LAMPS) * shaded * min(1.0, 4.0 * m.step / m.radius);
+        float whole = part * (1.0 + m.glow), sum = whole * min(1.0, 2.0 * m.step / m.radius);
+        vec3 moved = sum * (step - normal * dot(step, normal));
+        if (DIRECTIONS != BRDF && in_lights.share > 0.0) {
+            float unit = min(2.0 * in_lights.share, 1.0) / float(LAMPS), stepped = min(1.0, 4.0 * m.step / m.radius);
+            for (uint k = 0u; k < LAMPS; k++) {
+                float shaded = unit * max(shade(x, lamp[k], m.now, m.radius), shade(x, lamp[k], m.before, m.radius));
+                if (shaded <= 0.0) continue;
+                whole += shaded;
+                shaded *= stepped;
+                sum += shaded;
+                vec3 way = lamp[k].w > 0.0 ? lamp[k].xyz : lamp[k].xyz - x;
+                float near = lamp[k].w > 0.0 ? 1.0 : min(length(way) / max(distance(lamp[k].xyz, m.now), 1e-3), 4.0);
+                moved += shaded * shadow_motion(step, normal, normalize(way), near);
+            }
+        }
+        // What jumps leaves nothing of the light that was.
+        bool jumps = m.step > m.radius;
+        change.all += jumps ? sum * max(1.0, sum / 0.05) : sum;
+        if (sum > change.largest) {
+            change.largest = sum;
+            change.whole = whole;
+            // A turning object does not take its shadow along.
+            bool goes = !jumps && dot(step, step) > 0.25 * m.step * m.step;
+            change.moved = goes ? moved / sum : vec3(FAR);
+        }
     }
-    return sum;
+    return change;
 }
 
 // Returns how much the last video frame changed a point's light: as much as the panorama changed in all, and of a
@@ -114,28 +151,41 @@ void main() {
     if (OBJECT_MOTION != 0u) {
         uint place = layer * all + number;
         vec2 change = push.history_valid != 0u ? changes.item[place].xy : vec2(0.0);
-        bool another = false;
+        bool another = false, visited_last = false, follows = false;
+        vec3 moved = vec3(0.0);
         if (in_view.view.mover_count + in_view.view.new_video > 0u) {
             vec2 most = vec2(0.0);
+            Change largest = Change(0.0, 0.0, 0.0, vec3(FAR));
             [[unroll]] for (int i = 0; i < 4; i++) {
                 ivec2 q = min(at * 8 + ivec2(i & 1, i >> 1) * 5 + 1, ivec2(in_view.view.size) - 1);
                 uvec4 guide = imageLoad(in_guide, ivec3(q, NOW(layer))), then = imageLoad(in_guide, ivec3(q, BEFORE(layer)));
                 float distance_now = length(guide_position(guide) - in_view.view.position), distance_then = length(guide_position(then) - in_view.view.position);
-                another = another || guide_id(guide) != guide_id(then) || abs(distance_then - distance_now) > 0.03 * distance_now;
-                if (guide_id(guide) != NO_SURFACE) most = max(most, vec2(video_change_at(guide_position(guide), layer), change_at(guide_position(guide), guide_normal(guide) / 127.0, guide_id(guide))));
+                another = another || guide_id(guide) != guide_id(then) || abs(distance_then - distance_now) > 0.15 * distance_now;
+                if (guide_id(guide) == NO_SURFACE) continue;
+                Change by_objects = change_at(guide_position(guide), guide_normal(guide) / 127.0, guide_id(guide));
+                most = max(most, vec2(video_change_at(guide_position(guide), layer), by_objects.all));
+                if (by_objects.all > largest.all) largest = by_objects;
             }
+            const float SEEN = 0.05;
+            float effect = RESTS != 0u && layer == uint(REAL) ? uintBitsToFloat(tile_light.item[2u * number + 1u]) : 1.0;
             // Where objects hardly change the light, it is the video's own, whatever the video does to it; unless that is
             // so much that they may cast another shadow.
-            float effect = RESTS != 0u && layer == uint(REAL) ? uintBitsToFloat(tile_light.item[2u * number + 1u]) : 1.0;
             most.x *= clamp(max(effect, 2.0 * most.x), 0.0, 1.0);
+            visited_last = change == vec2(0.0);
             change += most;
+            // Where one object makes most of ΔE and of its change, that moves along.
+            follows = FOLLOWS != 0u && layer == uint(REAL) && largest.moved.x < FAR && largest.largest > max(0.75 * largest.all, SEEN) && largest.whole > 2.0 * effect;
+            moved = largest.moved;
         }
         // Where a history keeps more than a few frames it can wait for its turn.
         const float SOON = 8.0;
         bool now = another || (change.x + change.y) * SOON > (push.history_change < FAR ? push.history_change : 0.0);
         wanted = !turns || turn || now;
         turn = turn && !now;
-        changes.item[place] = wanted ? vec4(vec2(0.0), change) : vec4(change, vec2(0.0));
+        follows = follows && wanted && visited_last;
+        const float LEFT = 0.25; // of a change that is followed
+        changes.item[place] = wanted ? vec4(vec2(0.0), change.x, follows ? LEFT * change.y : change.y) : vec4(change, vec2(0.0));
+        if (FOLLOWS != 0u && layer == uint(REAL)) out_followed.item[number] = vec4(moved, follows ? 1.0 : 0.0);
     } else wanted = !turns || turn;
     if (!wanted) return;
     if (RESTS != 0u && layer == uint(REAL)) tile_light.item[2u * number] = tile_light.item[2u * number + 1u] = 0u;

@@ -76,8 +76,10 @@ impl Atrous {
         let special = [("in_light", Bind::from(image(level)?)), ("out_light", Bind::from(image(level + 1)?))];
         // The map is seen in mirrors, and so coarse that all it has is seen.
         let unseen = if view.role == Role::Picture { UNSEEN } else { 0.0 };
-        let push = AtrousPush { step_size: 1 << level, sigma_luminance: settings.sigma_luminance, unseen };
+        // The farther apart, the less may be taken for noise (after Dammertz et al. 2010, §3), where edges are shadows'.
+        let narrowed = [settings.sigma_luminance / ((1 << level) as f32).sqrt(), settings.sigma_luminance];
         (0..).zip(kernels).try_for_each(|(layer, kernel)| {
+            let push = AtrousPush { step_size: 1 << level, sigma_luminance: narrowed[layer as usize], unseen };
             frame.barrier(LAYERS_FOLLOW);
             kernel.dispatch(frame, &special, &[&view.resources], &push, view.tiles(layer))
         })
@@ -86,6 +88,11 @@ impl Atrous {
     /// The image that holds a and b after the last level.
     pub fn result(settings: &Settings) -> &'static str {
         Self::name(settings.atrous_levels, settings)
+    }
+
+    /// An image that holds nothing until `temporal` is through, if there is one.
+    pub fn spare(settings: &Settings) -> Option<&'static str> {
+        (settings.atrous_levels > 1).then(|| Self::name(settings.atrous_levels - 1, settings))
     }
 
     /// Whether an image holds light in brief: what this pass leaves, and what it reads if it can.

@@ -54,6 +54,8 @@ pub enum Fault {
     NarrowColumns = 14,
     /// Each frame the history grows by a fifth.
     Drift = 15,
+    /// The history of whatever surface was there before is taken.
+    HistoryOfOthers = 16,
     /// The history never ends and is never clamped.
     HistoryKept = 100,
     /// The seed counts the frames of the whole process.
@@ -72,6 +74,7 @@ impl Fault {
             Self::NoPoles | Self::HolesNear => &["plane_fit", "normals"],
             Self::YawForgotten | Self::EnergyClamp | Self::RaysFromBelow => &["irradiance"],
             Self::Drift => &["temporal"],
+            Self::HistoryOfOthers => &["sampling_mask", "temporal"],
             Self::MotionOff | Self::RealIgnored | Self::CameraCentred | Self::NarrowColumns => &["gbuffer", "coverage"],
             Self::NormalsUnturned => &["gbuffer", "coverage", "irradiance"],
             Self::FilterBlind => &["interpolate", "atrous"],

@@ -6,7 +6,7 @@ use super::{
     sampling_mask::early,
     scene::SceneBuffers,
     temporal::Since,
-    view::{LAYERS_FOLLOW, REAL, Role, Stands, View},
+    view::{LAYERS_FOLLOW, REAL, Role, Stands, VIRTUAL, View},
 };
 use crate::{
     Result,
@@ -58,6 +58,8 @@ impl Irradiance {
                 emitters,
                 early(plan, role),
                 plan.constant(Part::Bounces),
+                plan.constant(Part::Motion),
+                ("REFLECTIONS", u32::from(*layer == VIRTUAL && plan.on(Part::Reflections))),
             ];
             let constants = [&constants[..], &plan.materials()].concat();
             Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)

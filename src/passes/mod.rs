@@ -104,7 +104,8 @@ pub const PASSES: &[PassRow] = &[
         every: Every::Frame,
         shaders: &[],
         dispatches: |plan| {
-            let filters = u32::from(plan.on(Part::Interpolate)) + u32::from(plan.on(Part::Temporal)) + levels(plan);
+            let temporal = u32::from(plan.on(Part::Temporal)) + u32::from(plan.follows());
+            let filters = u32::from(plan.on(Part::Interpolate)) + temporal + levels(plan);
             plan.settings.relight_levels * u32::from(plan.on(Part::Relight)) * (3 + filters)
         },
         without: &[Part::Relight],
@@ -155,8 +156,8 @@ pub const PASSES: &[PassRow] = &[
         name: "temporal",
         what: "accumulation along motion vectors",
         every: Every::Frame,
-        shaders: &[("temporal", shaders::TEMPORAL)],
-        dispatches: |plan| layers(plan) * u32::from(plan.on(Part::Temporal)),
+        shaders: &[("follow", shaders::FOLLOW), ("temporal", shaders::TEMPORAL)],
+        dispatches: |plan| layers(plan) * u32::from(plan.on(Part::Temporal)) + u32::from(plan.follows()),
         without: &[Part::Temporal],
         color: "#1f78b4",
     },

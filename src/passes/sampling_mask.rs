@@ -74,8 +74,13 @@ impl SamplingMask {
         }
         let turns_after = turns.then_some(settings.short_history);
         let rests = ("RESTS", u32::from(super::atrous::tells_noise(settings, role)));
-        let constants =
-            [plan.constant(Part::LightTable), plan.constant(Part::FreeLamps), plan.constant(Part::Motion), rests];
+        let constants = [
+            plan.constant(Part::LightTable),
+            plan.constant(Part::FreeLamps),
+            plan.constant(Part::Motion),
+            rests,
+            ("FOLLOWS", u32::from(plan.follows())),
+        ];
         let tiles = Kernel::new::<TilesPush>(gpu, "tiles", shaders::TILES, &constants)?;
         Ok(Self { tiles, pixels, turns_after })
     }

@@ -1,8 +1,9 @@
 //! Pass 5, `temporal`: accumulation along motion vectors.
 
 use super::{
+    atrous::Atrous,
     resources::Kernel,
-    view::{LAYERS_FOLLOW, Role, Stands, View},
+    view::{LAYERS_FOLLOW, REAL, Role, Stands, VIRTUAL, View},
 };
 use crate::{
     Result,
@@ -35,6 +36,9 @@ pub struct Since {
 pub struct Temporal {
     kernels: Vec<(u32, Stands, bool, Kernel)>,
     history_change: f32,
+    /// Follows what objects take along, into an image that is free until `atrous`.
+    follow: Option<Kernel>,
+    spare: Option<&'static str>,
 }
 
 impl Temporal {
@@ -49,6 +53,7 @@ impl Temporal {
             && settings.filter_order == FilterOrder::TemporalFirst;
         let kernel = |layer: u32, stands: Stands, clamp: bool| {
             let constants = [
+                ("FOLLOWS", u32::from(plan.follows())),
                 ("LAYER", layer),
                 ("STANDS", stands as u32),
                 ("CLAMP", u32::from(clamp)),
@@ -61,6 +66,7 @@ impl Temporal {
                 ("FILTERED", u32::from(settings.filter_order == FilterOrder::SpatialFirst)),
                 plan.constant(Part::Specular),
                 plan.constant(Part::Motion),
+                ("REFLECTIONS", u32::from(layer == VIRTUAL && plan.on(Part::Reflections))),
                 role.projection(plan),
             ];
             let kernel = Kernel::new::<TemporalPush>(gpu, "temporal", shaders::TEMPORAL, &constants)?;
@@ -74,7 +80,16 @@ impl Temporal {
                 }
             }
         }
-        Ok(Self { kernels, history_change: settings.history_change })
+        let follow = || {
+            let constants = [role.projection(plan)];
+            Kernel::new::<()>(gpu, "follow", shaders::FOLLOW, &constants)
+        };
+        Ok(Self {
+            kernels,
+            history_change: settings.history_change,
+            follow: plan.follows().then(follow).transpose()?,
+            spare: Atrous::spare(settings).filter(|_| plan.follows()),
+        })
     }
 
     /// Records the dispatches, which accumulate this frame's irradiance or what atrous made of it.
@@ -85,8 +100,17 @@ impl Temporal {
             clamp_real: u32::from(since.video),
             history_change: self.history_change,
         };
-        let special = [("in_irradiance", Bind::from(input))];
+        let spare = match self.spare {
+            Some(name) => view.image(name)?,
+            None => input, // nothing reads it
+        };
+        let special = [("in_irradiance", Bind::from(input)), ("in_followed_light", Bind::from(spare))];
         frame.scope("temporal", |frame| {
+            if let Some(follow) = &self.follow {
+                let special = [("out_followed_light", Bind::from(spare))];
+                follow.dispatch(frame, &special, &[&view.resources], &(), view.tiles(REAL))?;
+                frame.barrier("temporal changes histories that follow has read, and reads what that found");
+            }
             let wanted = |(layer, stands, clamp, _): &&(u32, Stands, bool, Kernel)| {
                 (*stands, *clamp) == (since.stands[*layer as usize], since.clamp > 0.0)
             };

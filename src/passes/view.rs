@@ -278,6 +278,7 @@ const DECLARED: &[Declared] = {
         Declared::new("emission", Rgba16f, Pixel, &[Objects, VirtualSurfaces, Emission]).of_picture(),
         Declared::new("hit", Rgba32u, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
         Declared::new("real_coverage", R32f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
+        Declared::new("reflected", Rgba16f, Pixel, &[Part::Reflections]).of_picture().with_history(),
         Declared::new("radiance", Rgba32f, Pixel, &[]).of_picture(),
         Declared::new("mask", R32f, Surfaces, &[Objects]),
         Declared::new("irradiance", Rgba32u, Surfaces, &[Objects]).packed(),
@@ -323,7 +324,7 @@ pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
     };
     DECLARED.iter().map(of).sum::<u64>()
         + list_bytes(plan, role, size).iter().sum::<u64>()
-        + 6 * list_bytes(plan, role, size)[1]
+        + 8 * list_bytes(plan, role, size)[1]
 }
 
 /// Fills an image with `LIGHT_UNKNOWN` of `light_code.glsl`.
@@ -361,6 +362,7 @@ impl View {
         buffer("list", "list", list)?;
         buffer("held_tiles", "held tiles", tiles)?;
         buffer("changes", "changes", 4 * tiles)?;
+        buffer("followed", "followed", 2 * tiles)?;
         buffer("tiles", "tiles", tiles)?;
         let aimed = buffer("aimed", "aimed", aimed)?;
         let aimed_arguments = buffer("aimed_arguments", "aimed arguments", 2 * ARGUMENTS)?;

@@ -14,6 +14,7 @@ use crate::{
     scene::{
         Scene,
         bounds::Bounds,
+        material::Slot,
         packed,
         viewpoint::{Projection, Viewpoint},
     },
@@ -63,6 +64,8 @@ pub struct Facts {
     pub footprint: f32,
     /// Where the camera is over the whole time.
     pub camera: CameraPlace,
+    /// Whether the camera moves.
+    pub camera_moves: bool,
     /// The number of placed meshes.
     pub instances: usize,
     /// Says what moves, if anything does.
@@ -76,6 +79,8 @@ pub struct Facts {
     /// A bit for each [`Slot`](crate::scene::material::Slot) that any material has a texture in, and the highest
     /// bit if any of them lies on other coordinates than the first as they are.
     pub texture_slots: u32,
+    /// Says which materials reflect a picture, if any do.
+    pub smooth: Option<String>,
     /// Says which materials need each part of [`Part::MATERIAL`], if any do.
     pub materials: [Option<String>; Part::MATERIAL.len()],
     /// `Ok` if a ray that has left a virtual surface can meet none again, else the reason why it may.
@@ -115,6 +120,7 @@ impl Facts {
             free_lamps: still.then(|| lamps::find(&first).lamps.len()),
             footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
             camera: camera_place(scene),
+            camera_moves: !scene.camera.is_constant(),
             instances,
             deforming: scene
                 .deforming_object()
@@ -123,6 +129,7 @@ impl Facts {
             in_view: instances > 0 && in_view(scene, options, moving.is_some()),
             emissive: materials(&|m| m.emissive != Vec3::ZERO),
             texture_slots: texture_slots(&scene.packed),
+            smooth: materials(&smooth),
             materials: Part::MATERIAL.map(|part| materials(&|m| part.is_in(m))),
             alone: if instances == 0 { Ok(()) } else { alone(scene, &first, still && moving.is_none()) },
             moving,
@@ -135,6 +142,7 @@ impl Facts {
         let by_hand = || "objects can be moved by hand".to_owned();
         Self {
             camera: CameraPlace::Anywhere,
+            camera_moves: true,
             moving: Some(by_hand()),
             alone: Err(by_hand()),
             in_view: true,
@@ -152,6 +160,15 @@ pub fn material_constants(scene: &packed::PackedScene) -> Vec<Constant> {
         part => u32::from(needed(part)),
     };
     Part::MATERIAL.iter().map(|part| part.constant(value(part))).collect()
+}
+
+/// Whether a material has a lobe that reflects a picture, at least in places: textures make it smoother.
+fn smooth(m: &packed::PackedMaterial) -> bool {
+    const SMOOTH: f32 = 0.3; // as in reflection.glsl
+    let textured = |slot: Slot| m.textures[slot as usize] != packed::NONE;
+    let glossy = m.specular != 0.0 || m.metallic != 0.0;
+    glossy && (m.roughness < SMOOTH || textured(Slot::MetallicRoughness))
+        || m.clearcoat > 0.0 && (m.clearcoat_roughness < SMOOTH || textured(Slot::ClearcoatRoughness))
 }
 
 fn texture_slots(scene: &packed::PackedScene) -> u32 {

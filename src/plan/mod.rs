@@ -216,6 +216,11 @@ impl Plan {
             Part::Motion if facts.video_frames > 1 && self.on(Part::Video) => (true, "the video changes".to_owned()),
             Part::Deformation => found(&facts.deforming, "nothing changes its shape"),
             Part::Motion => found(&facts.moving, "nothing but the camera moves"),
+            Part::Reflections if !self.on(Part::Specular) || !self.on(Part::VirtualSurfaces) => {
+                (false, "no such surface is seen".to_owned())
+            }
+            Part::Reflections if !facts.camera_moves && !self.on(Part::Motion) => (false, "nothing moves".to_owned()),
+            Part::Reflections => found(&facts.smooth, "no material is smooth"),
             // without a history, all pixels are newly seen
             Part::SamplingMask if !settings.temporal && settings.short_history > 0 => {
                 (false, "there is no history, so every pixel is newly seen and traced".to_owned())
@@ -341,6 +346,14 @@ impl Plan {
             && self.settings.least_share < 1.0
             && self.settings.virtual_tracer == VirtualTracer::Bvh
             && self.settings.real_tracer != RealTracer::Direction
+    }
+
+    /// Whether what an object does to the light of real surfaces is followed when it moves. That needs an image of the
+    /// filters', to keep it in.
+    pub fn follows(&self) -> bool {
+        let Settings { atrous_levels, clamp, history_change, .. } = self.settings;
+        let moves = self.on(Part::Motion) && clamp == 0.0 && history_change.is_finite();
+        moves && self.history_in_brief() && atrous_levels > 1
     }
 
     /// Whether rays walk the pyramid of boxes.

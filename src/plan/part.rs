@@ -154,6 +154,11 @@ parts! {
         off_where: "nothing but the camera moves and the video has one frame",
         leaves_out: "objects' motion vectors, the search for what changes, the clamping pipeline",
     }
+    Reflections: "Reflections that move over the surfaces that show them." {
+        name: "reflections", setting: "reflections", off: "off", needs: Some(Part::Temporal), constant: Some("REFLECTIONS"),
+        off_where: "no material is smoother than a roughness of 0.3, or neither camera nor objects move",
+        leaves_out: "the image, the search for where a reflection was a frame ago; its history follows the surface",
+    }
     Deformation: "Objects that change their shape." {
         name: "deformation", setting: "deformation", off: "off", needs: Some(Part::Motion), constant: Some("DEFORMATION"),
         off_where: "no object plays a clip that moves joints of a skin or weights of morph targets",

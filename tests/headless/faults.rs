@@ -13,11 +13,11 @@ use iprt::{
 const PARTS: usize = 2;
 
 /// What each case must notice.
-const CATCHES: [(&str, Broken); 36] = [
+const CATCHES: [(&str, Broken); 38] = [
     ("off_screen_caster", Setting("virtual_tracer", "screen")),
     ("caster_from_behind", Setting("virtual_tracer", "screen")),
     ("noisy_depth", Planted(Fault::HolesNear)),
-    ("scale_flicker", Setting("atrous_levels", "0")),
+    ("scale_flicker", Setting("temporal", "false")),
     ("empty_scene", Planted(Fault::NoWrap)),
     ("odd_sizes", Planted(Fault::LastTileLost)),
     ("large_panorama", Planted(Fault::NarrowColumns)),
@@ -29,13 +29,15 @@ const CATCHES: [(&str, Broken); 36] = [
     ("lamp_beside_object", Setting("relighting", "ratio")),
     ("dark_corner", Setting("relighting", "ratio")),
     ("saturated_capture", Planted(Fault::EnergyClamp)),
-    ("moving_caster", Setting("history_change", "inf")),
+    ("moving_caster", Planted(Fault::HistoryKept)),
     ("teleport", Planted(Fault::HistoryKept)),
     ("light_switched_off", Planted(Fault::HistoryKept)),
     ("cut", Planted(Fault::HistoryKept)),
     ("fast_pan", Setting("temporal", "false")),
     ("moving_camera", Setting("temporal", "false")),
     ("motion_vectors", Planted(Fault::MotionOff)),
+    ("moving_mirror", Setting("reflections", "off")),
+    ("uncovered", Planted(Fault::HistoryOfOthers)),
     ("moving_furniture", Planted(Fault::DepthStale)),
     ("seam", Planted(Fault::NoWrap)),
     ("poles", Planted(Fault::NoPoles)),
@@ -81,8 +83,10 @@ fn faults_are_noticed(part: usize) {
 }
 
 /// What passes in small pictures and few frames, too, and by far.
-const PASS: [&str; 11] = [
+const PASS: [&str; 13] = [
     "rotation",
+    "scale_flicker",
+    "uncovered",
     "caster_from_behind",
     "camera_inside",
     "behind_every_surface",

@@ -30,6 +30,10 @@ layout(set = 0, binding = 44, rgba16f) uniform writeonly image2D out_emission;
 layout(set = 0, binding = 45, rgba32ui) uniform readonly uimage2D in_hit;
 layout(set = 0, binding = 46, rgba32ui) uniform writeonly uimage2D out_hit;
 layout(set = 0, binding = 64, rgba32ui) uniform uimage2D hit;
+// What a smooth virtual surface reflects: xy motion to the previous frame in pixels, z its distance from the surface (m;
+// 0: the surface is not smooth), w that distance a frame ago. The layer is that of light, of this frame and the last.
+layout(set = 0, binding = 84, rgba16f) uniform readonly image2DArray in_reflected;
+layout(set = 0, binding = 85, rgba16f) uniform writeonly image2DArray out_reflected;
 // M, from 0 to 1.
 layout(set = 0, binding = 47, r32f) uniform readonly image2D in_real_coverage;
 layout(set = 0, binding = 48, r32f) uniform image2D real_coverage;
@@ -49,6 +53,10 @@ layout(set = 0, binding = 57, rgba32f) uniform image2DArray b;
 // a and b accumulated, packed; the deviations are those of the mean. Where a and b are left out, this has their
 // history.
 layout(set = 0, binding = 65, rgba32ui) uniform uimage2DArray accumulated;
+layout(set = 0, binding = 88, rgba32ui) uniform readonly uimage2DArray in_accumulated;
+// What follow found: b, and how many frames that holds. An image that atrous fills later.
+layout(set = 0, binding = 89, rgba32ui) uniform readonly uimage2DArray in_followed_light;
+layout(set = 0, binding = 90, rgba32ui) uniform writeonly uimage2DArray out_followed_light;
 // How many frames are accumulated in a and in b.
 layout(set = 0, binding = 59, rg16f) uniform readonly image2DArray in_frames;
 layout(set = 0, binding = 60, rg16f) uniform image2DArray frames;
@@ -65,6 +73,10 @@ layout(set = 0, binding = 76, scalar) writeonly buffer HeldWritten { uint item[]
 // visited last (xy), and those that they had changed when it was (zw).
 layout(set = 0, binding = 38, scalar) readonly buffer ChangesRead { vec4 item[]; } in_changes;
 layout(set = 0, binding = 56, scalar) buffer ChangesWritten { vec4 item[]; } changes;
+// Of each tile of real surfaces: how far the change that an object makes to its light has moved with the object since
+// the last frame (m), and 1 if that is known.
+layout(set = 0, binding = 86, scalar) readonly buffer FollowedRead { vec4 item[]; } in_followed;
+layout(set = 0, binding = 87, scalar) writeonly buffer FollowedWritten { vec4 item[]; } out_followed;
 // Two words for each tile of real surfaces, float bits: the most that its light, once filtered, errs by chance, and the
 // most that objects change it, both relative.
 layout(set = 0, binding = 58, scalar) buffer TileLight { uint item[]; } tile_light;

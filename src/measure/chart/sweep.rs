@@ -124,7 +124,7 @@ const FULL: &[Values] = &[
     (Method::Iprt, "least_share", &["0.03", "1"]),
     (Method::Iprt, "atrous_levels", &["0", "1", "2", "4", "5"]),
     (Method::Iprt, "atrous_radius", &["1"]),
-    (Method::Iprt, "sigma_luminance", &["1", "2", "inf"]),
+    (Method::Iprt, "sigma_luminance", &["1.5", "4", "inf"]),
     (Method::Iprt, "filter_order", &["spatial_first"]),
     (Method::Iprt, "temporal", &["false"]),
     (Method::Iprt, "history", &["8", "16", "32", "inf"]),

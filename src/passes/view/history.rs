@@ -119,6 +119,7 @@ impl View {
         let Kept { turn, light_turn, .. } = self.kept[layer as usize];
         match image {
             "guide" => self.history_layer(layer, turn),
+            "reflected" => self.kept[VIRTUAL as usize].light_turn,
             _ if self.histories.contains(&image) => self.history_layer(layer, light_turn),
             _ => layer,
         }

@@ -83,6 +83,26 @@ pub const CASES: &[Case] = &[
         run: motion_vectors,
     },
     Case {
+        name: "moving_mirror",
+        asks: "The camera dollies past a flat mirror and a mirror ball: do reflections stay where geometry says?",
+        metric: "mean FLIP to the truth of the worst of the last 6 frames, pixels that show the mirrors",
+        unit: "",
+        limit: SEEN,
+        reason: SEEN_WHY,
+        must_fail: &[],
+        run: moving_mirror,
+    },
+    Case {
+        name: "uncovered",
+        asks: "A bright post close to the camera uncovers a dark table behind it: is that dark at once?",
+        metric: "|Σ picture/Σ truth − 1| of the radiance of what the post uncovered since the last frame, the worst of the last 6 frames",
+        unit: "",
+        limit: 0.2,
+        reason: "a seam a fifth too bright that is gone in the next frames is hardly seen",
+        must_fail: &[],
+        run: uncovered,
+    },
+    Case {
         name: "moving_furniture",
         asks: "A real screen slides before a ball, in the video's colour and depth: does it hide the ball, and does its light follow?",
         metric: "mean FLIP to the true scene of the worst of the last 8 frames, the ball's disc, seen or hidden",
@@ -235,6 +255,56 @@ fn moving_camera(run: &Run) -> Result<Outcome> {
 fn motion_vectors(run: &Run) -> Result<Outcome> {
     let frames = run.count(20, 14);
     worst_flip(run, &dolly(run.size(), frames), frames - 6..frames)
+}
+
+fn moving_mirror(run: &Run) -> Result<Outcome> {
+    let frames = run.count(20, 14);
+    let dolly = dolly(run.size(), frames);
+    let film = Film::moving(run.size(), frames, move |n| {
+        let mirror = |thing| Thing { mirror: true, ..thing };
+        let things = vec![
+            mirror(Thing::block(vec3(0.9, 1.1, 0.04), 0.0, vec3(-0.4, FLOOR + 0.6, -1.7))),
+            mirror(Thing::ball(0.35, 0.0, vec3(0.55, FLOOR + 0.35, -1.4))),
+        ];
+        World { things, lamp: None, paint: colourful, ..(dolly.world)(n) }
+    });
+    let film = Film { warmup: 8, ..film };
+    run.worst(&film, frames - 6..frames, |test, truth| {
+        metric::flip(truth.size, test, &truth.texels, &truth.shows_things(), 1.0)
+    })
+}
+
+/// Makes a room that is bright behind the camera and dark before it.
+fn half_dark(p: Vec3, _: Vec3) -> Vec3 {
+    Vec3::splat(if p.z > -0.4 { 1.5 } else { 0.05 })
+}
+
+fn uncovered(run: &Run) -> Result<Outcome> {
+    let frames = run.count(16, 12);
+    let world = |n: usize, post: bool| {
+        let aside = 0.03 * n as f32 - 0.2;
+        let table = Thing::block(vec3(3.0, 0.05, 1.2), 0.8, vec3(0.0, -0.7, -1.9));
+        let post = post.then(|| Thing::block(vec3(0.12, 2.0, 0.04), 0.8, vec3(0.05, -0.4, -0.7)));
+        let eye = Eye { at: vec3(aside, 0.1, 0.2), target: vec3(aside, -0.6, -1.8), fov_y: 40.0 };
+        World { things: std::iter::once(table).chain(post).collect(), eye, ..room(half_dark, Vec3::ZERO, 40.0) }
+    };
+    let film = Film::moving(run.size(), frames, move |n| world(n, true));
+    let film = Film { warmup: 8, ..film };
+    // Where the post is, the picture differs from the one of the table alone.
+    let alone = Film::moving(run.size(), frames, move |n| world(n, false));
+    let post = |n| -> Vec<bool> {
+        let (whole, table) = (run.truth(&film, 0, n), run.truth(&alone, 1, n));
+        let brighter = whole.texels.iter().zip(&table.texels).map(|(a, b)| a[1] > 1.5 * b[1]);
+        brighter.zip(table.shows_things()).map(|(a, b)| a && b).collect()
+    };
+    let at = std::cell::Cell::new(frames - 6);
+    run.worst(&film, frames - 6..frames, |test, truth| {
+        let n = at.replace(at.get() + 1);
+        let (before, now) = (post(n - 1), post(n));
+        let mask: Vec<bool> =
+            before.iter().zip(now).zip(truth.shows_things()).map(|((a, b), c)| *a && !b && c).collect();
+        Ok(metric::energy(test, &truth.texels, &mask))
+    })
 }
 
 fn orange() -> World {
