@@ -109,7 +109,7 @@ void main() {
                 apart = guide_off_plane(position, normal, other) * (1.0 / guide_tolerance(distance, reach)); // one division for all taps as far off
             }
             vec2 there_luma = vec2(luminance(there.a), luminance(there.b));
-            vec2 far = apart + abs(there_luma - luma) / (within + part * there.deviation);
+            vec2 far = apart + abs(there_luma - luma) / (within + part * max(there.deviation, vec2(0.0)));
             if (LAYER == VIRTUAL) far.y += reach * inverse_lobe + 16.0 * abs(guide_roughness(other) - roughness);
             vec2 w = LAYER == REAL ? vec2(g * falling(far.yy).y) : g * falling(far);
             if (FIRST != 0u && LAYER == REAL) {
