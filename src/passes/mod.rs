@@ -104,8 +104,7 @@ pub const PASSES: &[PassRow] = &[
         every: Every::Frame,
         shaders: &[],
         dispatches: |plan| {
-            let temporal = u32::from(plan.on(Part::Temporal)) + u32::from(plan.follows());
-            let filters = u32::from(plan.on(Part::Interpolate)) + temporal + levels(plan);
+            let filters = u32::from(plan.on(Part::Interpolate)) + u32::from(plan.on(Part::Temporal)) + levels(plan);
             plan.settings.relight_levels * u32::from(plan.on(Part::Relight)) * (3 + filters)
         },
         without: &[Part::Relight],

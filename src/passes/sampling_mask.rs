@@ -79,7 +79,7 @@ impl SamplingMask {
             plan.constant(Part::FreeLamps),
             plan.constant(Part::Motion),
             rests,
-            ("FOLLOWS", u32::from(plan.follows())),
+            ("FOLLOWS", u32::from(plan.follows() && role == Role::Picture)),
         ];
         let tiles = Kernel::new::<TilesPush>(gpu, "tiles", shaders::TILES, &constants)?;
         Ok(Self { tiles, pixels, turns_after })

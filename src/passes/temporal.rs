@@ -45,6 +45,7 @@ impl Temporal {
     pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
         let settings = &plan.settings;
         let clamps = settings.clamp > 0.0;
+        let follows = plan.follows() && role == Role::Picture;
         let always = clamps && settings.clamp_when == ClampWhen::Always;
         let sometimes = clamps && (always || plan.on(Part::Motion));
         let lattice = settings.sampling_mask
@@ -53,7 +54,7 @@ impl Temporal {
             && settings.filter_order == FilterOrder::TemporalFirst;
         let kernel = |layer: u32, stands: Stands, clamp: bool| {
             let constants = [
-                ("FOLLOWS", u32::from(plan.follows())),
+                ("FOLLOWS", u32::from(follows)),
                 ("LAYER", layer),
                 ("STANDS", stands as u32),
                 ("CLAMP", u32::from(clamp)),
@@ -87,8 +88,8 @@ impl Temporal {
         Ok(Self {
             kernels,
             history_change: settings.history_change,
-            follow: plan.follows().then(follow).transpose()?,
-            spare: Atrous::spare(settings).filter(|_| plan.follows()),
+            follow: follows.then(follow).transpose()?,
+            spare: Atrous::spare(settings).filter(|_| follows),
         })
     }
 

@@ -348,12 +348,12 @@ impl Plan {
             && self.settings.real_tracer != RealTracer::Direction
     }
 
-    /// Whether what an object does to the light of real surfaces is followed when it moves. That needs an image of the
-    /// filters', to keep it in.
+    /// Whether what an object does to the light of real surfaces in the picture is followed when it moves. That needs an
+    /// image of the filters', to keep it in, and what they tell of each tile.
     pub fn follows(&self) -> bool {
-        let Settings { atrous_levels, clamp, history_change, .. } = self.settings;
+        let Settings { atrous_levels, clamp, history_change, rest_noise, .. } = self.settings;
         let moves = self.on(Part::Motion) && clamp == 0.0 && history_change.is_finite();
-        moves && self.history_in_brief() && atrous_levels > 1
+        moves && self.history_in_brief() && atrous_levels > 1 && rest_noise > 0.0
     }
 
     /// Whether rays walk the pyramid of boxes.
