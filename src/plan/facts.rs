@@ -76,7 +76,7 @@ pub struct Facts {
     pub in_view: bool,
     /// Says which materials emit light, if any do.
     pub emissive: Option<String>,
-    /// A bit for each [`Slot`](crate::scene::material::Slot) that any material has a texture in, and the highest
+    /// A bit for each [`Slot`] that any material has a texture in, and the highest
     /// bit if any of them lies on other coordinates than the first as they are.
     pub texture_slots: u32,
     /// Says which materials reflect a picture, if any do.
