@@ -16,7 +16,7 @@ ROOM = $(wildcard $(IPRT_DATA)/rooms/room/scene.toml)
 SIZE = 320x180
 results: build
 	target/release/iprt chart apartment bedroom gallery $(ROOM) -o out/results-$(SIZE) --sweep methods \
-		--size $(SIZE) --looks 1,16,64 --truth-spp 1024 --rounds 3 --markdown docs/results.md
+		--size $(SIZE) --looks 1,16,64 --truth-spp 512 --rounds 3 --markdown docs/results.md
 
 # A small chart of the settings, made within ten minutes on two cores.
 chart: build

@@ -73,6 +73,7 @@
 //!     projection: Projection::Perspective,
 //!     seed: 0,
 //!     without_objects: false,
+//!     eye: 0.0,
 //! };
 //! let mut renderer = Renderer::new(&gpu, &scene, options)?;
 //! for _ in 0..16 {

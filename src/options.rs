@@ -18,7 +18,7 @@ impl RenderOptions {
             settings.set(&key, &text, &format!("{}: render.set", scene.name))?;
         }
         let projection = Projection::Perspective;
-        Ok(Self { size: scene.camera.size, method, settings, projection, seed: 0, without_objects: false })
+        Ok(Self { size: scene.camera.size, method, settings, projection, seed: 0, without_objects: false, eye: 0.0 })
     }
 }
 
@@ -37,4 +37,6 @@ pub struct RenderOptions {
     pub seed: u32,
     /// Whether virtual objects are left out.
     pub without_objects: bool,
+    /// How far to the right of the camera the picture is taken from, metres: an eye of a stereo pair. Negative is left.
+    pub eye: f32,
 }

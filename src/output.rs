@@ -1,4 +1,4 @@
-//! Writes a renderer's picture as a file.
+//! Writes the picture of a renderer, or of one for each eye, as a file.
 
 use crate::{
     Error, Result,
@@ -34,17 +34,28 @@ impl FileKind {
     }
 }
 
-/// Writes the renderer's last picture. Exposure and tone mapping are those of a PNG.
+/// The size of a picture: that of one renderer, or of two eyes, one above the other.
+pub fn size(eyes: &[Renderer]) -> [u32; 2] {
+    let [width, height] = eyes.first().map_or([0; 2], |eye| eye.options().size);
+    [width, height * eyes.len() as u32]
+}
+
+/// An image of one renderer, or of two eyes, the first on top.
+pub fn stacked(eyes: &[Renderer], image: impl Fn(&Renderer) -> Result<Vec<[f32; 4]>>) -> Result<Vec<[f32; 4]>> {
+    Ok(eyes.iter().map(image).collect::<Result<Vec<_>>>()?.concat())
+}
+
+/// Writes the last picture of a renderer, or of two eyes. Exposure and tone mapping are those of a PNG.
 pub fn write(
-    renderer: &Renderer,
+    eyes: &[Renderer],
     scene: &Scene,
     path: &Path,
     kind: FileKind,
     (exposure, tonemap): (f32, Tonemap),
     aovs: &[String],
 ) -> Result<()> {
-    let size = renderer.options().size;
-    let mut picture = renderer.picture()?;
+    let size = size(eyes);
+    let mut picture = stacked(eyes, Renderer::picture)?;
     let broken = picture.iter().filter(|texel| !texel.iter().all(|value| value.is_finite())).count();
     if broken > 0 {
         let (subject, all) = (path.display(), picture.len());
@@ -59,10 +70,13 @@ pub fn write(
         return write_display(path, size, &picture, 1.0);
     }
     let mut layers = vec![ExrLayer::rgb("", size, &picture)];
-    let every = || renderer.aov_names().into_iter().chain(MATTES.map(str::to_owned)).collect();
+    let every = || {
+        let of_eye = eyes.first().map(Renderer::aov_names).unwrap_or_default();
+        of_eye.into_iter().chain(MATTES.map(str::to_owned)).collect()
+    };
     let names = if aovs == ["all"] { every() } else { aovs.to_vec() };
     for name in names.iter().filter(|name| *name != "radiance") {
-        let texels = renderer.aov(name)?;
+        let texels = stacked(eyes, |eye| eye.aov(name))?;
         let channel = |i: usize| texels.iter().map(|t| t[i]).collect::<Vec<f32>>();
         let channels = ["R", "G", "B", "A"].iter().enumerate().map(|(i, c)| ((*c).to_owned(), channel(i))).collect();
         layers.push(ExrLayer { name: name.clone(), size, channels });
@@ -70,13 +84,12 @@ pub fn write(
     write_exr(path, &layers)
 }
 
-/// Writes the virtual surfaces of the renderer's last picture as a PNG with alpha, which is not premultiplied.
+/// Writes the virtual surfaces of the last picture as a PNG with alpha, which is not premultiplied.
 ///
 /// # Errors
 /// Fails if the file cannot be written.
-pub fn write_alpha(renderer: &Renderer, scene: &Scene, path: &Path, (exposure, tonemap): (f32, Tonemap)) -> Result<()> {
-    let codes: Vec<u8> = renderer
-        .aov("alpha")?
+pub fn write_alpha(eyes: &[Renderer], scene: &Scene, path: &Path, (exposure, tonemap): (f32, Tonemap)) -> Result<()> {
+    let codes: Vec<u8> = stacked(eyes, |eye| eye.aov("alpha"))?
         .into_iter()
         .flat_map(|[r, g, b, alpha]| {
             let color = if alpha > 0.0 { Vec3::new(r, g, b) / alpha } else { Vec3::ZERO };
@@ -85,5 +98,5 @@ pub fn write_alpha(renderer: &Renderer, scene: &Scene, path: &Path, (exposure, t
             [r, g, b, (alpha.clamp(0.0, 1.0) * 255.0).round() as u8]
         })
         .collect();
-    write_png(path, renderer.options().size, &codes, 4)
+    write_png(path, size(eyes), &codes, 4)
 }

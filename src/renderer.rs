@@ -272,7 +272,7 @@ impl Renderer {
         let [real, seen] = state.shown_in(view);
         let stands = [view.stands(REAL, &real), view.stands(VIRTUAL, &seen)];
         let relit = relit.map_or(Ok(&self.nothing), |map| map.image(filtered(settings)))?;
-        let since = Since { history, stands, clamp, video: state.new_light };
+        let since = Since { history, stands, clamp, video: state.new_light, moved: !state.movers.is_empty() };
         let temporal = |frame: &mut Frame, why, input| match &lighting.temporal {
             Some(temporal) => {
                 frame.barrier(why);

@@ -238,6 +238,7 @@ settings! {
         specular: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "the GGX lobe of virtual surfaces";
         emission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces that shine";
         emitters: Presence = [Presence::Auto, Presence::Off, Presence::Auto, Presence::Auto], ANY, "", "rays that aim at virtual surfaces that shine; off: these are met by chance";
+        punctual: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "lights without a surface that objects bring (KHR_lights_punctual)";
         textures: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "textures of virtual surfaces";
         alpha: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "holes and half-transparent parts of virtual surfaces (alpha mask and blend)";
         transmission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces through which light passes: thin sheets, glass";
@@ -271,7 +272,7 @@ settings! {
         short_history: u32 = [4, 0, 4, 0], [0.0, 64.0], "frames", "pixels with a shorter history are traced whatever the mask says; 0: none are";
         early_paths: u32 = [2, 1, 2, 1], [1.0, 16.0], "paths a pixel and frame", "paths of a virtual surface whose history is shorter than `early_history` and may grow as long, by `history_change`";
         early_history: u32 = [32, 0, 32, 0], [0.0, 1024.0], "paths", "until its history is as long, a virtual surface has `early_paths` in each frame";
-        rest_noise: f32 = [0.01, 0.0, 0.01, 0.0], [0.0, 1.0], "of the light", "while real surfaces stand still, tiles of them in which light errs by less than this have a quarter of their turns; 0: none rests";
+        rest_noise: f32 = [0.02, 0.0, 0.02, 0.0], [0.0, 1.0], "of the light", "while real surfaces stand still, tiles of them in which light errs by less than this have a quarter of their turns; 0: none rests";
         sharp_roughness: f32 = [0.3, 0.0, 0.3, 0.0], [0.0, 1.0], "", "virtual surfaces smoother than this are traced at every pixel";
         mask_angle: f32 = [10.0, 10.0, 10.0, 10.0], [0.0, 180.0], "degrees", "neighbouring normals farther apart are a discontinuity";
         mask_distance: f32 = [0.01, 0.01, 0.01, 0.01], [0.0, 1.0], "of the distance", "neighbouring positions farther from the tangent plane are a discontinuity";

@@ -141,6 +141,19 @@ vec3 view_direction(vec2 pixel) {
     return normalize(v.forward + v.right * ndc.x + v.up * ndc.y);
 }
 
+// Returns how far beside the middle an eye of a stereo panorama sees what lies `latitude` (radians) from the horizon. Towards
+// the poles, which have no side, the eyes become one.
+float eye_offset(float latitude) { return in_view.view.eye * (1.0 - smoothstep(60.0, 75.0, degrees(abs(latitude)))); }
+
+// Returns where the ray through a point of the image, in pixels, begins. The eyes of a stereo panorama look in each direction
+// with the other beside them (omnidirectional stereo, Peleg, Ben-Ezra and Pritch 2001).
+vec3 view_origin(vec2 pixel) {
+    View v = in_view.view;
+    if (projection() != EQUIRECT || v.eye == 0.0) return v.position;
+    vec2 s = pixel / vec2(v.size), phi = circle(s.x - 0.5);
+    return v.position + (v.right * phi.x - v.forward * phi.y) * eye_offset(PI * (0.5 - s.y));
+}
+
 // Returns where a point was in the image of the previous frame, in pixels. z is its distance, negative behind
 // the camera.
 vec3 project_previous(vec3 point) {
@@ -149,7 +162,18 @@ vec3 project_previous(vec3 point) {
     vec3 local = vec3(dot(d, v.previous_right), dot(d, v.previous_up), dot(d, v.previous_forward));
     float distance = length(d);
     if (projection() == EQUIRECT) {
-        float phi = arctangent(local.x, local.z), theta = arctangent(length(local.xz), local.y);
+        float phi = arctangent(local.x, local.z), along = length(local.xz), theta = arctangent(along, local.y);
+        if (v.eye != 0.0) {
+            // The ray touches the circle of the eyes. How wide that is depends on how high the point is seen.
+            float off = 0.0, ahead = along;
+            for (int k = 0; k < 3; k++) {
+                off = clamp(eye_offset(0.5 * PI - theta), -0.99 * along, 0.99 * along);
+                ahead = sqrt(along * along - off * off);
+                theta = arctangent(ahead, local.y);
+            }
+            phi -= arctangent(off, ahead);
+            distance = length(vec2(ahead, local.y));
+        }
         return vec3(vec2(phi / (2.0 * PI) + 0.5, theta / PI) * vec2(v.size), distance);
     }
     if (local.z <= 1e-6) return vec3(-1e6, -1e6, -distance);

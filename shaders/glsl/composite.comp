@@ -48,7 +48,7 @@ void main() {
         return;
     }
     vec3 radiance = imageLoad(in_camera_radiance, p).rgb;
-    if (LIT != 0u && in_view.view.instance_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, NOW(REAL)))) != NO_SURFACE) {
+    if (LIT != 0u && in_view.view.instance_count + in_view.view.light_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, NOW(REAL)))) != NO_SURFACE) {
         Light light = result_unpack(imageLoad(in_light, ivec3(p, REAL)));
         if (DESPECKLE != 0u) settle_among_neighbours(p, light);
         light_decode(REAL, light);

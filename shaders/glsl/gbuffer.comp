@@ -22,9 +22,9 @@ void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     bool inside = all(lessThan(p, ivec2(in_view.view.size)));
     vec2 pixel = vec2(p) + 0.5;
-    vec3 d = view_direction(pixel);
+    vec3 origin = view_origin(pixel), d = view_direction(pixel);
     RealPoint real;
-    if (KEPT == 0u) real = real_surface(d);
+    if (KEPT == 0u) real = real_surface(origin, d);
     bool met = false;
     float passes = 1.0; // of the light of what is real
     if (SHOWN != 0u) {
@@ -34,7 +34,7 @@ void main() {
                 float t = imageLoad(position, ivec3(p, REAL)).w;
                 real.t = t > 0.0 ? t : FAR;
             }
-            SceneHit found = primary_trace(d, real.t, passes);
+            SceneHit found = primary_trace(origin, d, real.t, passes);
             met = inside && found.instance != NONE;
             // Few pixels show objects, and stores cost much: only what has changed is written.
             uvec4 had = inside ? imageLoad(hit, p) : uvec4(NONE, 0u, 0u, 0u);
@@ -61,7 +61,7 @@ void main() {
     // A free lamp hides objects and is not lit itself.
     bool has_real = inside && real.t < FAR && !real.lamp;
     if (inside) {
-        vec3 point = in_view.view.position + d * (has_real ? real.t : 0.0);
+        vec3 point = origin + d * (has_real ? real.t : 0.0);
         vec3 normal = imageLoad(in_panorama_normal, real.texel).xyz;
         if (dot(normal, d) > 0.0) normal = -normal; // a camera off the centre sees it from behind
         imageStore(position, ivec3(p, REAL), vec4(point, real.t < FAR ? real.t : 0.0));

@@ -8,7 +8,7 @@ struct RealPoint { float t; vec2 uv; ivec2 texel; bool lamp; };
 
 // Finds what a primary ray shows where the capture saw nothing. A skirt shows the farthest of the texel that
 // it hangs from and its neighbours. A ray that leaves behind an edge shows what it passed before the edge.
-void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
+void fill_unseen(vec3 origin, vec3 d, uint kind, inout RealPoint r) {
     ivec2 size = ivec2(in_view.view.depth_size);
     if (kind == SKIRT) {
         ivec2 nearest = r.texel;
@@ -21,7 +21,6 @@ void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
         r.uv = (vec2(r.texel) + 0.5) / vec2(size);
         return;
     }
-    vec3 origin = in_view.view.position;
     vec2 passed = panorama_uv(origin);
     for (int k = 1; k <= 96; k++) { // from 5 cm to 100 m in steps of 8 %
         vec3 point = origin + d * (0.05 * exp(0.08 * float(k)));
@@ -33,7 +32,7 @@ void fill_unseen(vec3 d, uint kind, inout RealPoint r) {
 }
 
 // Returns the real surface along a primary ray. t is FAR if there is none.
-RealPoint real_surface(vec3 d) {
+RealPoint real_surface(vec3 origin, vec3 d) {
     RealPoint r;
     r.lamp = false;
     if (OFF_CENTRE == 0u && LIT == 0u) {
@@ -48,34 +47,34 @@ RealPoint real_surface(vec3 d) {
         r.lamp = is_lamp(hit);
         r.t = hit.t;
     } else {
-        PanoramaHit hit = panorama_trace(in_view.view.position, d, 0.0, FAR);
-        lamps_meet(in_view.view.position, d, hit);
+        PanoramaHit hit = panorama_trace(origin, d, 0.0, FAR);
+        lamps_meet(origin, d, hit);
         r.lamp = is_lamp(hit);
-        if (r.lamp) hit.uv = panorama_uv(in_view.view.position + d * hit.t);
+        if (r.lamp) hit.uv = panorama_uv(origin + d * hit.t);
         r.t = hit.t;
         r.uv = hit.uv;
         ivec2 size = ivec2(in_view.view.depth_size);
         r.texel = wrap_texel(ivec2(floor(hit.uv * vec2(size))), size);
-        if (FILL_UNSEEN != 0u && (hit.kind == FREE || hit.kind == SKIRT)) fill_unseen(d, hit.kind, r);
+        if (FILL_UNSEEN != 0u && (hit.kind == FREE || hit.kind == SKIRT)) fill_unseen(origin, d, hit.kind, r);
     }
     return r;
 }
 
 // Returns the first virtual surface that is there at all along a primary ray before `t_max`, and what share of the
 // light from behind passes all of them that lie before `t_max`.
-SceneHit primary_trace(vec3 d, float t_max, out float passes) {
+SceneHit primary_trace(vec3 origin, vec3 d, float t_max, out float passes) {
     if (FAULT == FAULT_REAL_IGNORED) t_max = FAR;
     SceneHit first = SceneHit(FAR, NONE, NONE, vec2(0.0));
     passes = 1.0;
     if (ALPHA == 0u) {
-        SceneHit hit = scene_closest(in_view.view.position, d, 0.0, FAR);
+        SceneHit hit = scene_closest(origin, d, 0.0, FAR);
         if (hit.instance == NONE || hit.t >= t_max) return first;
         passes = 0.0;
         return hit;
     }
     float t_min = 0.0;
     for (uint layer = 0u; layer < MOST_LAYERS; layer++) {
-        SceneHit hit = scene_closest(in_view.view.position, d, t_min, t_max);
+        SceneHit hit = scene_closest(origin, d, t_min, t_max);
         if (hit.instance == NONE) break;
         float alpha = hit_alpha(hit);
         if (alpha > 0.0 && first.instance == NONE) first = hit;

@@ -6,7 +6,8 @@ const uint NO_SURFACE = 0u;
 const uint REAL_SURFACE = 1u;
 const uint HIDDEN = 1u; // a real surface of which objects leave nothing to be seen: it is not lit
 
-uint guide_object(uint instance_id) { return 1u + instance_id % 255u; }
+// Returns a number of 2 to 255.
+uint guide_object(uint instance_id) { return 2u + instance_id % 254u; }
 
 uvec4 guide_pack(vec3 position, vec3 normal, float roughness, uint object) {
     uvec3 p = floatBitsToUint(position) & ~15u;

@@ -29,6 +29,8 @@ void real_surface_light(ivec2 p) {
         radiance = (PI * factor) * ray.weight * hit_radiance(ray.real);
         mixed = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, true, random);
     }
+    if (PUNCTUAL != 0u)
+        mixed += PI * punctual(from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0), random);
     if (FAULT == FAULT_ENERGY_CLAMP) {
         float least = min(1.0, 0.3 / max(luminance(max(radiance, mixed)), 1e-20));
         radiance *= least;
@@ -83,6 +85,10 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
         }
         if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, lobe == DIFFUSE && !behind, random);
     }
+    if (PUNCTUAL != 0u && !behind) {
+        vec3 x = surface_origin(s), lamps = punctual(x, x, s, l, lobe, -seen.from_eye, random);
+        radiance += (lobe == DIFFUSE ? PI : 1.0) / bsdf_probability(l, lobe) * lamps;
+    }
     if (FAULT == FAULT_ENERGY_CLAMP) radiance *= min(1.0, 0.3 / max(luminance(radiance), 1e-20));
     if (lobe == DIFFUSE && !behind) lambert += radiance;
     else rest += radiance;
@@ -93,7 +99,7 @@ void virtual_surface_light(ivec2 p) {
     vec4 point = imageLoad(in_position, ivec3(p, VIRTUAL));
     uvec4 id = imageLoad(in_hit, p);
     Seen seen;
-    seen.from_eye = (point.xyz - in_view.view.position) / point.w;
+    seen.from_eye = normalize(point.xyz - view_origin(vec2(p) + 0.5));
     seen.surface = scene_surface(SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw)), seen.from_eye, point.w * pixel_angle());
     seen.lobes = bsdf_lobes(seen.surface, -seen.from_eye);
     // Of what is virtual in the pixel this surface is a part, if it is half transparent. What lies behind it is

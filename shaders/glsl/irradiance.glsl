@@ -6,6 +6,7 @@
 #include "trace.glsl"
 #include "scene.glsl"
 #include "bsdf.glsl"
+#include "punctual.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
 #include "light_units.glsl"
@@ -254,6 +255,14 @@ float emitted_share(Ray ray, Surface s, float t) {
     return ray.density / (ray.density + ray.emitters * emitter_density(s, t, ray.d));
 }
 
+// Returns what lamps without a surface bring by one lobe, as far as nothing stands between.
+vec3 punctual(vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye, inout Random random) {
+    if (PUNCTUAL == 0u || SPECULAR != 0u && bsdf_is_sharp(s, lobe)) return vec3(0.0);
+    PunctualChoice chosen = punctual_choose(near, s, l, to_eye, lobe, random);
+    if (chosen.weight <= 0.0 || real_trace(x, near, chosen.d).t < chosen.distance * (1.0 - 1e-4)) return vec3(0.0);
+    return virtual_trace(near, chosen.d, chosen.distance, random).instance == NONE ? chosen.brings : vec3(0.0);
+}
+
 const uint MOST_BOUNDARIES = 12u; // of glass, beside the bounces
 
 // Returns what arrives along a ray, the mixed scene included: real surfaces relit, virtual ones by a path. `hit`
@@ -276,6 +285,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
         // A straight line leaves a solid as it came in; what is refracted does, too, but at another angle.
         if (TRANSMISSION != 0u && wide) s.eta = min(s.eta, 1.0 / s.eta);
         origin = surface_origin(s);
+        if (PUNCTUAL != 0u) sum += throughput * punctual(origin, origin, s, l, lobe, to_eye, random) / bsdf_probability(l, lobe);
         vec3 numbers = vec3(random_next2(random), random_next(random));
         Aim next = aim(origin, origin, s, l, lobe, to_eye, numbers, random);
         if (TRANSMISSION != 0u && lobe == TRANSMITTED) {

@@ -19,6 +19,7 @@ layout(constant_id = 23) const uint SHOWN = 1;            // the view is the pic
 
 layout(constant_id = 48) const uint REFLECTIONS = 1;       // reflections move over what shows them
 layout(constant_id = 47) const uint EMITTERS = 1;         // rays aim at virtual surfaces that shine
+layout(constant_id = 49) const uint PUNCTUAL = 1;         // objects bring lights without a surface
 layout(constant_id = 46) const uint DEFORMATION = 1;      // objects change their shape
 
 // Says whether b holds anything for a layer: ΔE of real surfaces, all lobes but Lambert's of virtual ones.

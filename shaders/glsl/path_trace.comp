@@ -6,28 +6,24 @@
 // nothing. The radiance of a pixel is (reflected + other) / samples. The split serves the denoiser:
 // `reflected` is what the surface at the pixel's centre reflects, and `other` is emission seen directly and
 // all that other surfaces in the pixel send.
-// In: scene, lights, punctual lights. In/out (sums over the samples of a batch): reflected, other, albedo;
+// In: scene, lights, punctual. In/out (sums over the samples of a batch): reflected, other, albedo;
 // centre (written by sample 0).
 #include "common.glsl"
 #include "parts.glsl"
 #include "scene.glsl"
 #include "bsdf.glsl"
+#include "punctual.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
 // A triangle that shines. It is drawn with a probability proportional to area · luminance. `below` is the
 // probability of all lights before it.
 struct Light { uint instance; uint triangle; float below; uint padding; };
 
-// A light without a surface (KHR_lights_punctual), as `Punctual` in scene/packed.rs.
-struct Punctual { vec3 position; uint directional; vec3 direction; float range; vec3 intensity; float cone_scale; float cone_offset; };
-
 layout(set = 0, binding = 70, scalar) readonly buffer Lights { Light light[]; } in_lights;
 layout(set = 0, binding = 71, rgba32f) uniform image2D reflected; // w: how many samples met the centre's surface
 layout(set = 0, binding = 72, rgba32f) uniform image2D other;     // w: squared luminance of `reflected`'s samples
 layout(set = 0, binding = 73, rgba32f) uniform image2D albedo;    // Lambert albedo; w: squared luminance of radiance
 layout(set = 0, binding = 74, rgba32f) uniform image2D centre;    // normal and distance (m, 0: nothing) of the centre
-
-layout(set = 0, binding = 75, scalar) readonly buffer PunctualLights { Punctual light[]; } in_punctual;
 
 layout(push_constant, scalar) uniform Push {
     uint first_row;
@@ -36,7 +32,6 @@ layout(push_constant, scalar) uniform Push {
     float inverse_power; // 1 / Σ area · luminance
     uint bounces;        // the most bounces
     uint roulette;       // bounces after which paths may be ended at random
-    uint punctual_count;
     uint sampling;       // MIS, LIGHTS or LOBES
     uint fresh;          // 1: the sums start anew
 } push;
@@ -143,47 +138,13 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, uint lobe, float pick, vec2 u, floa
     return chosen * (total / (chosen_weight * float(LIGHT_CANDIDATES)));
 }
 
-const uint PUNCTUAL_CANDIDATES = 8u;
-
 // Returns light from lamps without a surface by one lobe. No lobe's sample can meet them, so there is nothing
-// to weigh against. As above, one of a few is chosen by what it would bring.
+// to weigh against.
 vec3 punctual(Surface s, Lobes l, vec3 to_eye, uint lobe, inout Random random) {
-    uint count = min(push.punctual_count, PUNCTUAL_CANDIDATES);
-    vec3 origin = surface_origin(s), chosen = vec3(0.0), chosen_d = vec3(0.0);
-    float chosen_distance = 0.0, chosen_weight = 0.0, total = 0.0;
-    for (uint k = 0u; k < count; k++) {
-        uint index = k;
-        if (push.punctual_count > PUNCTUAL_CANDIDATES)
-            index = min(uint(random_next(random) * float(push.punctual_count)), push.punctual_count - 1u);
-        Punctual light = in_punctual.light[index];
-        vec3 d = -light.direction;
-        float distance = FAR;
-        vec3 incident = light.intensity;
-        if (light.directional == 0u) {
-            vec3 to = light.position - origin;
-            distance = length(to);
-            d = to / max(distance, 1e-12);
-            float cone = clamp(dot(light.direction, -d) * light.cone_scale + light.cone_offset, 0.0, 1.0);
-            float faded = distance / light.range;
-            float window = clamp(1.0 - faded * faded * faded * faded, 0.0, 1.0); // glTF's recommendation
-            incident *= cone * cone * window / max(distance * distance, 1e-12);
-        }
-        if (dot(d, s.geometric) <= 0.0) continue;
-        float density;
-        vec3 value = bsdf_evaluate(s, l, lobe, to_eye, d, density);
-        vec3 brings = value * incident;
-        float weight = luminance(brings);
-        total += weight;
-        if (weight > 0.0 && random_next(random) * total < weight) {
-            chosen = brings;
-            chosen_d = d;
-            chosen_distance = distance;
-            chosen_weight = weight;
-        }
-    }
-    if (chosen_weight <= 0.0) return vec3(0.0);
-    if (scene_trace(origin, chosen_d, chosen_distance).instance != NONE) return vec3(0.0);
-    return chosen * (total * float(push.punctual_count) / (chosen_weight * float(count)));
+    vec3 origin = surface_origin(s);
+    PunctualChoice chosen = punctual_choose(origin, s, l, to_eye, lobe, random);
+    if (chosen.weight <= 0.0 || scene_trace(origin, chosen.d, chosen.distance).instance != NONE) return vec3(0.0);
+    return chosen.brings;
 }
 
 void main() {
@@ -242,7 +203,7 @@ void main() {
         bool sharp = bsdf_is_sharp(s, lobe);
         if (!sharp) {
             vec3 light = direct(s, l, to_eye, lobe, choice.y, light_u, random_next(draws.random));
-            if (push.punctual_count > 0u) light += punctual(s, l, to_eye, lobe, draws.random);
+            if (in_punctual.count > 0u) light += punctual(s, l, to_eye, lobe, draws.random);
             sum += throughput * light / probability;
         }
 

@@ -82,7 +82,7 @@ void main() {
     ivec2 p;
     bool inside = tile_pixel(LAYER, p);
     uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
-    bool present = inside && in_view.view.instance_count > 0u && guide_id(guide) != NO_SURFACE;
+    bool present = inside && in_view.view.instance_count + in_view.view.light_count > 0u && guide_id(guide) != NO_SURFACE;
     float paths = present ? path_count(p, LAYER, guide) : 0.0;
     bool trace = paths > 0.0;
     if (inside) imageStore(out_mask, ivec3(p, LAYER), vec4(present && !trace ? -1.0 : paths));

@@ -1,6 +1,5 @@
 // The virtual objects: two-level BVH, materials, textures.
 
-const uint NONE = 0xffffffffu;
 
 #include "bind/scene.glsl"
 

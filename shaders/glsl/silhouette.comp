@@ -29,9 +29,9 @@ void main() {
     vec3 best_d;
     for (uint k = 0u; k < n; k++) {
         vec2 offset = fract(vec2(0.5) + float(k) * vec2(0.7548776662, 0.5698402910));
-        vec3 d = view_direction(vec2(p) + offset);
+        vec3 origin = view_origin(vec2(p) + offset), d = view_direction(vec2(p) + offset);
         float passes;
-        SceneHit hit = primary_trace(d, FAULT != FAULT_REAL_IGNORED ? real_surface(d).t : FAR, passes);
+        SceneHit hit = primary_trace(origin, d, FAULT != FAULT_REAL_IGNORED ? real_surface(origin, d).t : FAR, passes);
         real_count += passes;
         if (hit.instance == NONE) continue;
         vec2 c = offset - 0.5;

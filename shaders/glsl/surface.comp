@@ -23,6 +23,6 @@ void main() {
     uvec4 id = imageLoad(in_hit, p);
     vec3 d = view_direction(vec2(p) + 0.5);
     SceneHit met = SceneHit(0.0, id.x, id.y, uintBitsToFloat(id.zw));
-    met.t = dot(scene_point(met) - in_view.view.position, d);
+    met.t = dot(scene_point(met) - view_origin(vec2(p) + 0.5), d);
     write_virtual(p, met, d, ALPHA != 0u ? 1.0 - imageLoad(in_real_coverage, p).x : 1.0);
 }

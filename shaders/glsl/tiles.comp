@@ -87,7 +87,7 @@ Change change_at(vec3 x, vec3 normal, uint id) {
     Change change = Change(0.0, 0.0, 0.0, vec3(FAR));
     for (uint i = 0u; i < in_view.view.mover_count; i++) {
         Mover m = in_movers.mover[i];
-        if (id == guide_object(m.id)) { change.all += m.step / 0.5; continue; }
+        if (m.id != NONE && id == guide_object(m.id)) { change.all += m.step / 0.5; continue; }
         vec3 step = m.now - m.before;
         float part = max(covers(x, normal, m.now, m.radius), covers(x, normal, m.before, m.radius));
         float whole = part * (1.0 + m.glow), sum = whole * min(1.0, 2.0 * m.step / m.radius);

@@ -14,7 +14,7 @@ layout(set = 0, binding = 30, r32f) uniform writeonly image2D out_unknown;
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(p, ivec2(in_view.view.size)))) return;
-    vec3 origin = in_view.view.position, d = view_direction(vec2(p) + 0.5);
+    vec3 origin = view_origin(vec2(p) + 0.5), d = view_direction(vec2(p) + 0.5);
     bool unknown = false;
     if (length(origin) >= 1e-5) { // from the capture point itself everything was seen
         PanoramaHit hit = panorama_trace(origin, d, 0.0, FAR);

@@ -107,7 +107,8 @@ impl PictureArgs {
         }
         let projection = self.projection()?;
         let size = self.size(scene.camera.size)?;
-        Ok(RenderOptions { size, method, settings, projection, seed: self.seed, without_objects: self.without_objects })
+        let (seed, without_objects) = (self.seed, self.without_objects);
+        Ok(RenderOptions { size, method, settings, projection, seed, without_objects, eye: 0.0 })
     }
 }
 

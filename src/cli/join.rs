@@ -50,6 +50,9 @@ pub struct Args {
     /// Say in the file that it is 360°, for frames of --projection equirect
     #[arg(long)]
     pub spherical: bool,
+    /// Say in the file that the frames hold two eyes, the left on top, as render --stereo writes them
+    #[arg(long, requires = "spherical")]
+    pub stereo: bool,
     #[command(flatten)]
     pub video: VideoArgs,
     /// Print less
@@ -109,7 +112,8 @@ pub fn run(args: &Args) -> Result<()> {
         bar.inc(1);
     }
     let audio = scene.as_ref().filter(|_| !args.video.no_audio).and_then(|scene| sound(scene, first));
-    film.finish(&Extras { audio, spherical: args.spherical.then_some(Views::One) })?;
+    let views = if args.stereo { Views::TopBottom } else { Views::One };
+    film.finish(&Extras { audio, spherical: args.spherical.then_some(views) })?;
     bar.finish_and_clear();
     if !args.quiet {
         super::print(&args.output.display().to_string());

@@ -96,7 +96,14 @@ fn panorama(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
     }
     bar.0.finish_and_clear();
     if paths > 0 {
-        write(&renderer, &scene, &args.output, kind, (scene.render.exposure, scene.render.tonemap), &args.aov)?;
+        write(
+            std::slice::from_ref(&renderer),
+            &scene,
+            &args.output,
+            kind,
+            (scene.render.exposure, scene.render.tonemap),
+            &args.aov,
+        )?;
     }
     let so_far = so_far("paths", paths, renderer.standard_error()?);
     if stop.load(Ordering::Relaxed) {

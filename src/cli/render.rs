@@ -11,12 +11,13 @@ use crate::{
     Error, Result,
     image_file::{tonemap::Tonemap, write::folder_of},
     measure::bench,
+    options::RenderOptions,
     output::FileKind,
     panorama::pattern::Pattern,
     plan::Plan,
     renderer::{Renderer, Wishes},
     scene::Scene,
-    settings::Method,
+    settings::{Method, VirtualTracer},
     temporary::Temporary,
 };
 use indicatif::ProgressStyle;
@@ -58,6 +59,10 @@ pub struct Args {
     /// Write only the virtual objects, with alpha, as a .png
     #[arg(long)]
     pub alpha: bool,
+    /// Render both eyes, so far apart (65mm, 0.065), the left above the right. With --projection equirect each eye sees all
+    /// around with the other beside it (omnidirectional stereo), and a video says so to players
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, conflicts_with = "timings")]
+    pub stereo: Option<f32>,
     /// Make warnings of the scene and its files errors
     #[arg(long)]
     pub strict: bool,
@@ -125,17 +130,25 @@ pub fn run(args: &Args) -> Result<()> {
     let spp = if converge { args.spp.unwrap_or(64).max(1) } else { 1 };
     let timed = args.timings.map_or(0, |frames| frames.saturating_add(1));
     let frames = (last - first + 1).saturating_mul(spp).saturating_add(warmup).saturating_add(timed);
-    let plan = Plan::of(&scene, &options, Some(frames))?;
-    let mut renderer = Renderer::with_plan(&gpu, &scene, options, plan)?;
-    check_aovs(&renderer, &args.aov)?;
-    let job =
-        if target == Target::Video { job(&scene, &renderer, exposure, spp, warmup, last)? } else { String::new() };
+    if args.stereo.is_some() && options.settings.virtual_tracer == VirtualTracer::Screen {
+        let problem = "needs rays that do not walk the picture (virtual_tracer = screen)";
+        return Err(Error::input("--stereo", problem, "use --method iprt, or --set virtual_tracer=bvh"));
+    }
+    let eyes = args.stereo.map_or(vec![0.0], |apart| vec![-0.5 * apart, 0.5 * apart]);
+    let of_eye = |eye| {
+        let options = RenderOptions { eye, ..options.clone() };
+        let plan = Plan::of(&scene, &options, Some(frames))?;
+        Renderer::with_plan(&gpu, &scene, options, plan)
+    };
+    let mut eyes: Vec<Renderer> = eyes.into_iter().map(of_eye).collect::<Result<_>>()?;
+    eyes.iter().try_for_each(|eye| check_aovs(eye, &args.aov))?;
+    let job = if target == Target::Video { job(&scene, &eyes, exposure, spp, warmup, last)? } else { String::new() };
     let job = format!("{job} {}", tonemap.name());
     let frames = [first, last];
     let asked = Asked { video: &args.video, frames, exposure, tonemap, aovs: &args.aov, alpha: args.alpha, job };
-    let mut sink = Sink::open(target, &args.output, &asked, &scene, &renderer)?;
+    let mut sink = Sink::open(target, &args.output, &asked, &scene, &eyes)?;
     if !args.picture.quiet {
-        super::say(&renderer.plan().summary());
+        eyes.iter().take(1).for_each(|eye| super::say(&eye.plan().summary()));
     }
     let begin = sink.next(first);
     if begin > first && !args.picture.quiet {
@@ -155,23 +168,23 @@ pub fn run(args: &Args) -> Result<()> {
         signals::interrupted(); // what is written is kept
     }
     let start = |frame: u32| scene.panorama.frame_time(frame as usize);
-    let render = |renderer: &mut Renderer, times: &mut dyn Iterator<Item = f64>| {
-        renderer.render_all(&scene, times, &Wishes::default(), |_| {
+    let render = |eyes: &mut [Renderer], times: &mut dyn Iterator<Item = f64>| {
+        render_all(eyes, &scene, times, || {
             bar.inc(1);
             if signals::stopped() { Err(interrupted(args, [first, begin, last])) } else { Ok(()) }
         })
     };
     if begin > 0 && !converge {
-        renderer.count_from((STANDARD_WARMUP + begin).wrapping_sub(warmup));
+        eyes.iter_mut().for_each(|eye| eye.count_from((STANDARD_WARMUP + begin).wrapping_sub(warmup)));
     }
     // The frames before, and frame 0 held where there are none.
     let before = |count: u32| (1..=count).rev().map(|before| start(begin.saturating_sub(before)));
-    let mut rendered = if begin > last { Ok(()) } else { render(&mut renderer, &mut before(warmup)) };
+    let mut rendered = if begin > last { Ok(()) } else { render(&mut eyes, &mut before(warmup)) };
     for frame in begin..=last {
         if converge {
-            renderer.reset_history("a picture of its own");
+            eyes.iter_mut().for_each(|eye| eye.reset_history("a picture of its own"));
         }
-        rendered = rendered.and_then(|()| render(&mut renderer, &mut std::iter::repeat_n(start(frame), spp as usize)));
+        rendered = rendered.and_then(|()| render(&mut eyes, &mut std::iter::repeat_n(start(frame), spp as usize)));
         if let Err(error) = rendered {
             bar.finish_and_clear();
             return Err(match (error, target) {
@@ -180,7 +193,7 @@ pub fn run(args: &Args) -> Result<()> {
                 (error, _) => error,
             });
         }
-        match sink.write(&renderer, &scene, frame)? {
+        match sink.write(&eyes, &scene, frame)? {
             Some(line) if !args.picture.quiet && !line.is_empty() => bar.suspend(|| super::print(&line)),
             Some(_) => {}
             None => break,
@@ -191,13 +204,48 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(line) = line.filter(|_| !args.picture.quiet) {
         super::print(&line);
     }
-    if let Some(frames) = args.timings {
-        let report = time(&mut renderer, &scene, last, frames)?;
+    if let (Some(frames), [renderer]) = (args.timings, &mut eyes[..]) {
+        let report = time(renderer, &scene, last, frames)?;
         super::print_lines(report.table().trim_end());
     }
-    drop(renderer);
+    drop(eyes);
     args.picture.device.close(gpu)?;
     super::forbid_warnings(args.strict, &scene.name)
+}
+
+/// Renders a frame for each of these times by a renderer, or by those of two eyes, and calls `each` after every one.
+fn render_all(
+    eyes: &mut [Renderer],
+    scene: &Scene,
+    times: &mut dyn Iterator<Item = f64>,
+    mut each: impl FnMut() -> Result<()>,
+) -> Result<()> {
+    let wishes = Wishes::default();
+    if let [renderer] = eyes {
+        return renderer.render_all(scene, times, &wishes, |_| each());
+    }
+    for time in times {
+        let begun = eyes.iter_mut().map(|eye| eye.begin(scene, time, &wishes)).collect::<Result<Vec<_>>>()?;
+        for (eye, begun) in eyes.iter_mut().zip(begun) {
+            eye.collect(begun)?;
+        }
+        each()?;
+    }
+    Ok(())
+}
+
+/// Reads a distance: `65mm`, `6.5cm`, `0.065m` or `0.065`.
+fn parse_distance(text: &str) -> std::result::Result<f32, String> {
+    let (number, unit) = match text.trim().strip_suffix('m') {
+        None => (text.trim(), 1.0),
+        Some(rest) => match (rest.strip_suffix('m'), rest.strip_suffix('c')) {
+            (Some(number), _) => (number, 1e-3),
+            (_, Some(number)) => (number, 1e-2),
+            _ => (rest, 1.0),
+        },
+    };
+    let metres = number.trim().parse::<f32>().ok().map(|number| number * unit);
+    metres.filter(|metres| (1e-3..=1.0).contains(metres)).ok_or_else(|| "give 1mm to 1m, for example 65mm".to_owned())
 }
 
 /// Says which frames are there, and how to go on.
@@ -235,11 +283,12 @@ impl Warmup {
 }
 
 /// Stands for all that the pictures depend on.
-fn job(scene: &Scene, renderer: &Renderer, exposure: f32, spp: u32, warmup: u32, last: u32) -> Result<String> {
-    let options = renderer.options();
+fn job(scene: &Scene, eyes: &[Renderer], exposure: f32, spp: u32, warmup: u32, last: u32) -> Result<String> {
     let start = scene.panorama.frame_time(0);
     let rendered = crate::reference::cache::hash_rendered(scene, start)?.finalize().to_hex().to_string();
-    let described = crate::reference::cache::describe(options);
+    let options = || eyes.iter().map(Renderer::options);
+    let described: String = options().map(crate::reference::cache::describe).collect();
+    let methods: Vec<Method> = options().map(|options| options.method).collect();
     // Camera and objects are looked at in some of the frames.
     let step = (last as usize / 16).max(1);
     let moves: Vec<String> = (0..=last as usize)
@@ -251,7 +300,7 @@ fn job(scene: &Scene, renderer: &Renderer, exposure: f32, spp: u32, warmup: u32,
         })
         .collect();
     let panorama = scene.panorama.spec();
-    Ok(format!("{rendered} {:?} {described} {exposure} {spp} {warmup} {moves:?} {panorama:?}", options.method))
+    Ok(format!("{rendered} {:?} {described} {exposure} {spp} {warmup} {moves:?} {panorama:?}", methods))
 }
 
 fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::BenchReport> {

@@ -10,7 +10,7 @@ use crate::{
         spherical::Views,
         stream::RawStream,
     },
-    output::{FileKind, write, write_alpha},
+    output::{self, FileKind, stacked, write_alpha},
     panorama::pattern::Pattern,
     renderer::Renderer,
     scene::{Scene, viewpoint::Projection},
@@ -131,7 +131,7 @@ impl Sink {
     ///
     /// # Errors
     /// Fails if what is asked for does not fit together, or if nothing can be written there.
-    pub fn open(target: Target, path: &Path, asked: &Asked, scene: &Scene, renderer: &Renderer) -> Result<Self> {
+    pub fn open(target: Target, path: &Path, asked: &Asked, scene: &Scene, eyes: &[Renderer]) -> Result<Self> {
         let panorama = &scene.panorama;
         let look = look_of(scene, asked.exposure, asked.tonemap);
         if let Target::Files(kind) = target {
@@ -139,9 +139,8 @@ impl Sink {
             let tone = (asked.exposure, asked.tonemap);
             return Ok(Self::Files { pattern, kind, aovs, alpha: asked.alpha, tone });
         }
-        let options = renderer.options();
         let timing = Timing::of(Some(scene), panorama.fps, asked.frames);
-        let (rate, size) = (timing.rate, options.size);
+        let (rate, size) = (timing.rate, output::size(eyes));
         let wanted = Wanted { codec: asked.video.codec, crf: asked.video.crf, pix_fmt: asked.video.pix_fmt.clone() };
         let source = panorama.video();
         if target == Target::Stream {
@@ -152,7 +151,8 @@ impl Sink {
         let job = format!("{} {:?}", asked.job, asked.frames[0]);
         let film = Film::begin(path, encoding, look, &job, asked.frames)?;
         let first = asked.frames[0];
-        let spherical = (options.projection == Projection::Equirect).then_some(Views::One);
+        let views = if eyes.len() > 1 { Views::TopBottom } else { Views::One };
+        let spherical = shows_all(eyes).then_some(views);
         let extras = Extras { audio: sound(scene, first).filter(|_| !asked.video.no_audio), spherical };
         Ok(Self::Film { film: Box::new(film), path: path.to_owned(), extras, timing })
     }
@@ -165,27 +165,27 @@ impl Sink {
         }
     }
 
-    /// Writes the renderer's picture as this frame. Returns a line to print, or `None` if nobody reads any more.
+    /// Writes the picture of a renderer, or of two eyes, as this frame. Returns a line to print, or `None` if nobody reads any more.
     ///
     /// # Errors
     /// Fails if it cannot be written.
-    pub fn write(&mut self, renderer: &Renderer, scene: &Scene, frame: u32) -> Result<Option<String>> {
+    pub fn write(&mut self, eyes: &[Renderer], scene: &Scene, frame: u32) -> Result<Option<String>> {
         match self {
             Self::Files { pattern, kind, aovs, alpha, tone } => {
                 let path = pattern.file(frame);
                 if *alpha {
-                    write_alpha(renderer, scene, &path, *tone)?;
+                    write_alpha(eyes, scene, &path, *tone)?;
                 } else {
-                    write(renderer, scene, &path, *kind, *tone, aovs)?;
+                    output::write(eyes, scene, &path, *kind, *tone, aovs)?;
                 }
                 Ok(Some(path.display().to_string()))
             }
             Self::Film { film, timing, .. } => {
-                film.write(shot(renderer, scene, frame, timing)?)?;
+                film.write(shot(eyes, scene, frame, timing)?)?;
                 Ok(Some(String::new()))
             }
             Self::Stream { stream, look, timing } => {
-                let open = stream.write(&shot(renderer, scene, frame, timing)?, look)?;
+                let open = stream.write(&shot(eyes, scene, frame, timing)?, look)?;
                 Ok(open.then(String::new))
             }
         }
@@ -237,11 +237,15 @@ pub struct Asked<'a> {
     pub job: String,
 }
 
-/// The renderer's picture on its way to a video or a stream.
-fn shot(renderer: &Renderer, scene: &Scene, frame: u32, timing: &Timing) -> Result<Shot> {
-    let can_match = renderer.options().projection == Projection::Equirect;
+fn shows_all(eyes: &[Renderer]) -> bool {
+    eyes.iter().all(|eye| eye.options().projection == Projection::Equirect)
+}
+
+/// A picture on its way to a video or a stream.
+fn shot(eyes: &[Renderer], scene: &Scene, frame: u32, timing: &Timing) -> Result<Shot> {
+    let can_match = shows_all(eyes) && eyes.len() == 1;
     let source = scene.panorama.codes(frame as usize).filter(|_| can_match);
-    Ok(Shot { texels: renderer.picture()?, source, times: timing.times(frame) })
+    Ok(Shot { texels: stacked(eyes, Renderer::picture)?, source, times: timing.times(frame) })
 }
 
 /// Frames a second of an output: the source's, or where that varies the rate of its shortest frame.

@@ -56,6 +56,7 @@ impl Irradiance {
                 plan.constant(Part::VirtualSurfaces),
                 plan.constant(Part::Emission),
                 emitters,
+                plan.constant(Part::Punctual),
                 early(plan, role),
                 plan.constant(Part::Bounces),
                 plan.constant(Part::Motion),

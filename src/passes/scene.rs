@@ -11,8 +11,8 @@ use crate::{
         deform::Patch,
         lights::Shining,
         packed::{
-            BvhNode, EmitterHeader, Instance, Light, Mover, NONE, PackedInstances, PackedScene, TriangleGeometry,
-            Vertex,
+            BvhNode, EmitterHeader, Instance, Light, Mover, NONE, PackedInstances, PackedScene, Punctual,
+            TriangleGeometry, Vertex,
         },
     },
 };
@@ -29,6 +29,7 @@ pub struct SceneBuffers {
     deformed: Option<Deformed>,
     shining: Shining,
     emitters: Buffer,
+    punctual: Buffer,
 }
 
 /// The meshes that change their shape: the last of all in the arrays.
@@ -47,8 +48,9 @@ struct Deformed {
 }
 
 impl SceneBuffers {
-    /// Uploads what does not change. `instances` is the largest number of instances in any frame.
-    pub fn new(gpu: &Gpu, scene: &PackedScene, instances: usize) -> Result<Self> {
+    /// Uploads what does not change. `instances` is the largest number of instances in any frame, `lights` that of
+    /// lights without a surface.
+    pub fn new(gpu: &Gpu, scene: &PackedScene, instances: usize, lights: usize) -> Result<Self> {
         let mut resources = Resources::default();
         let mut add = |name: &'static str, buffer: Buffer| resources.add(name, Resource::Buffer(buffer));
         add("shading", gpu.buffer_with("triangle shading", &scene.shading)?);
@@ -61,13 +63,15 @@ impl SceneBuffers {
         let top = gpu.buffer("instances", (instances * size_of::<Instance>()) as u64)?;
         add("instances", top.clone());
         // what was there and what is there
-        let movers = gpu.buffer("movers", (2 * instances * size_of::<Mover>()) as u64)?;
+        let movers = gpu.buffer("movers", (2 * (instances + lights) * size_of::<Mover>()) as u64)?;
         add("movers", movers.clone());
         let shining = Shining::of(scene);
         let most = shining.most(scene.nodes.iter().enumerate().map(|(index, _)| index as u32)) * instances.max(1);
         let bytes = size_of::<EmitterHeader>() + most.clamp(1, MAX_EMITTERS) * size_of::<Light>();
         let emitters = gpu.buffer("emitters", bytes as u64)?;
         resources.add("emitters", Resource::Buffer(emitters.clone()));
+        let punctual = gpu.buffer("punctual lights", (size_of::<u32>() + lights * size_of::<Punctual>()) as u64)?;
+        resources.add("punctual", Resource::Buffer(punctual.clone()));
         let triangle_items = triangle_items(&scene.triangles);
         let triangles = Table::with(gpu, "triangles", &triangle_items)?;
         let node_items: &[[u32; 4]] = bytemuck::cast_slice(&scene.nodes);
@@ -106,7 +110,7 @@ impl SceneBuffers {
                 previous,
             }
         });
-        Ok(Self { resources, instances: top, movers, places, top_nodes, deformed, shining, emitters })
+        Ok(Self { resources, instances: top, movers, places, top_nodes, deformed, shining, emitters, punctual })
     }
 
     /// Records the upload of a frame's instances, which are relative to the panorama's centre, and of those that
@@ -138,6 +142,8 @@ impl SceneBuffers {
         };
         let bytes = [bytemuck::bytes_of(&header), bytemuck::cast_slice(lights)].concat();
         frame.write_buffer(&self.emitters, 0, &bytes)?;
+        let count = state.lights.len() as u32;
+        frame.write_buffer(&self.punctual, 0, &[&count.to_le_bytes(), bytemuck::cast_slice(&state.lights)].concat())?;
         let place = |instance: &Instance| {
             let [x, y, z] = instance.world_to_object.map(|row| row.map(f32::to_bits));
             [x, y, z, [instance.root, 0, 0, 0]]
@@ -222,10 +228,13 @@ impl Table {
     }
 }
 
-/// Moves instances to coordinates relative to `centre` (world, metres).
+/// Moves instances and lights to coordinates relative to `centre` (world, metres).
 pub fn relative_to(centre: Vec3, mut state: PackedInstances) -> PackedInstances {
     for instance in &mut state.instances {
         recentre(instance, centre);
+    }
+    for light in &mut state.lights {
+        light.position -= centre;
     }
     for node in &mut state.nodes {
         node.min -= centre;

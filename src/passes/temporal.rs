@@ -30,6 +30,8 @@ pub struct Since {
     pub clamp: f32,
     /// Whether the light of the real scene has changed, too.
     pub video: bool,
+    /// Whether any object has moved.
+    pub moved: bool,
 }
 
 /// The pass, with pipelines by layer, by what stands still, and by whether history is clamped.
@@ -107,7 +109,7 @@ impl Temporal {
         };
         let special = [("in_irradiance", Bind::from(input)), ("in_followed_light", Bind::from(spare))];
         frame.scope("temporal", |frame| {
-            if let Some(follow) = &self.follow {
+            if let Some(follow) = self.follow.as_ref().filter(|_| since.moved) {
                 let special = [("out_followed_light", Bind::from(spare))];
                 follow.dispatch(frame, &special, &[&view.resources], &(), view.tiles(REAL))?;
                 frame.barrier("temporal changes histories that follow has read, and reads what that found");

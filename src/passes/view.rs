@@ -22,6 +22,7 @@ gpu_struct! {
         pub up: Vec3,
         pub forward: Vec3,
         pub tan_half: Vec2,
+        pub eye: f32,
         pub previous_position: Vec3,
         pub previous_right: Vec3,
         pub previous_up: Vec3,
@@ -44,6 +45,7 @@ gpu_struct! {
         pub pyramid_area: u32,
         pub pyramid_nodes: u32,
         pub instance_count: u32,
+        pub light_count: u32,
         pub mover_count: u32,
         pub new_video: u32,
         pub bounces: u32,
@@ -71,6 +73,7 @@ impl ViewData {
         (self.right, self.up, self.forward) = axes(from);
         (self.previous_right, self.previous_up, self.previous_forward) = axes(previous);
         (self.position, self.previous_position) = (from.position, previous.position);
+        self.eye = from.eye;
         (self.tan_half, self.previous_tan_half) = (from.tan_half, previous.tan_half);
         self.projection = u32::from(from.projection == Projection::Equirect);
     }

@@ -44,7 +44,8 @@ pub struct Facts {
     pub projection: Projection,
     /// The mean luminance of the panorama's first frame.
     pub luminance: f32,
-    /// The brightest radiance that a material emits, without its texture.
+    /// The brightest radiance that a material emits, without its texture, and the greatest irradiance ten centimetres
+    /// from a light without a surface.
     pub brightest: f32,
     /// Width and height of the panorama's radiance, texels.
     pub color_size: [u32; 2],
@@ -68,6 +69,8 @@ pub struct Facts {
     pub camera_moves: bool,
     /// The number of placed meshes.
     pub instances: usize,
+    /// The number of lights without a surface.
+    pub lights: usize,
     /// Says what moves, if anything does.
     pub moving: Option<String>,
     /// Says what changes its shape, if anything does.
@@ -96,12 +99,13 @@ impl Facts {
         let first = scene.panorama.load(0)?;
         let still = scene.panorama.frame_count() == 1;
         let instances = if options.without_objects { 0 } else { scene.instance_count() };
+        let lights = if options.without_objects { 0 } else { scene.light_count() };
         let fov = scene.camera.fov_y_degrees.keys().map(|(_, fov)| fov).fold(0.0, f32::max);
         let widest = match options.projection {
             Projection::Perspective => Viewpoint::perspective(Vec3::ZERO, Quat::IDENTITY, fov, options.size),
             Projection::Equirect => Viewpoint::equirect(Vec3::ZERO, Quat::IDENTITY),
         };
-        let moving = scene.moving_object().filter(|_| instances > 0).map(|name| format!("{name} moves"));
+        let moving = scene.moving_object().filter(|_| instances + lights > 0).map(|name| format!("{name} moves"));
         let materials = |has: &dyn Fn(&packed::PackedMaterial) -> bool| {
             let all = &scene.packed.materials;
             let some = all.iter().filter(|material| has(material)).count();
@@ -110,7 +114,7 @@ impl Facts {
         Ok(Self {
             projection: options.projection,
             luminance: mean_luminance(&first),
-            brightest: scene.packed.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max),
+            brightest: brightest(scene),
             color_size: first.color_size,
             depth_size: first.depth_size,
             video_frames: scene.panorama.frame_count(),
@@ -119,9 +123,10 @@ impl Facts {
             light_share: still.then(|| light_share(&first)),
             free_lamps: still.then(|| lamps::find(&first).lamps.len()),
             footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
-            camera: camera_place(scene),
+            camera: camera_place(scene, options.eye),
             camera_moves: !scene.camera.is_constant(),
             instances,
+            lights,
             deforming: scene
                 .deforming_object()
                 .filter(|_| instances > 0)
@@ -150,6 +155,13 @@ impl Facts {
             ..self
         }
     }
+}
+
+fn brightest(scene: &Scene) -> f32 {
+    let surfaces = scene.packed.materials.iter().map(|material| material.emissive);
+    let lights = scene.at(0.0, 0.0).instances.lights.into_iter();
+    let lights = lights.map(|light| if light.directional != 0 { light.intensity } else { 100.0 * light.intensity });
+    surfaces.chain(lights).map(|light| light.max_element()).fold(0.0, f32::max)
 }
 
 /// The specialization constants with which a shader serves the materials of a scene, and no others.
@@ -185,10 +197,13 @@ fn texture_slots(scene: &packed::PackedScene) -> u32 {
     slots
 }
 
-fn camera_place(scene: &Scene) -> CameraPlace {
+fn camera_place(scene: &Scene, eye: f32) -> CameraPlace {
     let place = |position| Viewpoint::equirect(position - scene.panorama.position, Quat::IDENTITY);
     let places: Vec<_> = scene.camera.position.keys().map(|(_, position)| place(position)).collect();
     let most = places.iter().map(|place| place.position.length()).fold(0.0, f32::max);
+    if eye != 0.0 {
+        return CameraPlace::Away(most + eye.abs());
+    }
     match (places.iter().all(Viewpoint::centred), places.len()) {
         (true, _) => CameraPlace::Centre,
         (false, 1) => CameraPlace::Away(most),

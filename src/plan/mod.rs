@@ -73,7 +73,8 @@ impl PartialEq for Plan {
         let values = |plan: &Self| -> Vec<_> {
             plan.settings.values().into_iter().filter(|(name, _)| !switches(name)).collect()
         };
-        key(self) == key(other) && values(self) == values(other) && self.facts.instances == other.facts.instances
+        let places = |plan: &Self| [plan.facts.instances, plan.facts.lights];
+        key(self) == key(other) && values(self) == values(other) && places(self) == places(other)
     }
 }
 
@@ -146,7 +147,12 @@ impl Plan {
         let because = |on, yes: &str, no: &str| (on, if on { yes } else { no }.to_owned());
         match part {
             Part::Objects => {
-                (facts.instances > 0, format!("{} inserted", count(facts.instances, "mesh is", "meshes are")))
+                let on = facts.instances + facts.lights > 0;
+                let what = match facts.instances {
+                    0 if on => count(facts.lights, "light is", "lights are"),
+                    meshes => count(meshes, "mesh is", "meshes are"),
+                };
+                (on, format!("{what} inserted"))
             }
             Part::VirtualSurfaces if screen => (true, "rays walk the picture (virtual_tracer = screen)".to_owned()),
             Part::VirtualSurfaces => because(facts.in_view, "objects may be in view", "no object is ever in view"),
@@ -191,6 +197,9 @@ impl Plan {
                 because(facts.has_depth, "real surfaces see each other", "no real surface, as there is no depth")
             }
             Part::Specular => of_materials("all materials are pure Lambert"),
+            Part::Punctual => {
+                (facts.lights > 0, format!("objects bring {}", count(facts.lights, "such light", "such lights")))
+            }
             Part::Emitters if screen => (false, "what rays meet is a guess (virtual_tracer = screen)".to_owned()),
             Part::Emitters => found(&facts.emissive, "nothing shines"),
             Part::Emission => found(&facts.emissive, "nothing shines"),
@@ -343,6 +352,7 @@ impl Plan {
     /// Whether not all rays from real surfaces that meet no object are traced.
     pub fn roulette(&self) -> bool {
         self.on(Part::Temporal)
+            && !(self.on(Part::Punctual) && self.facts.lights > 0)
             && self.settings.least_share < 1.0
             && self.settings.virtual_tracer == VirtualTracer::Bvh
             && self.settings.real_tracer != RealTracer::Direction

@@ -104,6 +104,11 @@ parts! {
         off_where: "nothing shines",
         leaves_out: "the aiming at them in `irradiance`",
     }
+    Punctual: "Lights without a surface, which objects bring." {
+        name: "punctual", setting: "punctual", off: "off", needs: Some(Part::Objects), constant: Some("PUNCTUAL"),
+        off_where: "no glTF file of an object has a light of KHR_lights_punctual",
+        leaves_out: "the code that draws one at each surface, and its two rays; with it every ray of `irradiance` is traced (`least_share` 1)",
+    }
     Textures: "Textures of virtual surfaces." {
         name: "textures", setting: "textures", off: "off", needs: Some(Part::Objects), constant: Some("TEXTURES"),
         off_where: "no material has any",

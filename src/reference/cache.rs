@@ -201,8 +201,8 @@ pub fn hash_rendered(scene: &Scene, time: f64) -> Result<blake3::Hasher> {
 
 /// Returns all settings as text.
 pub fn describe(options: &RenderOptions) -> String {
-    let RenderOptions { size, method: _, settings, projection, seed, without_objects } = options;
-    format!("{size:?} {projection:?} {seed} {without_objects} {:?}", settings.values())
+    let RenderOptions { size, method: _, settings, projection, seed, without_objects, eye } = options;
+    format!("{size:?} {projection:?} {seed} {without_objects} {eye} {:?}", settings.values())
 }
 
 fn scene_viewpoint(options: &RenderOptions, camera: &Camera) -> Viewpoint {

@@ -68,7 +68,7 @@ impl PathSettings {
 gpu_struct! {
     struct Push {
         pub first_row: u32, pub rows: u32, pub light_count: u32, pub inverse_power: f32, pub bounces: u32, pub roulette: u32,
-        pub punctual_count: u32, pub sampling: u32, pub fresh: u32,
+        pub sampling: u32, pub fresh: u32,
     }
 }
 
@@ -125,7 +125,6 @@ pub struct PathTracer {
     view: ViewData,
     view_buffer: Buffer,
     lights: Buffer,
-    punctual: Buffer,
     push: Push,
     /// Sums since the last whole batch, and what is at the pixels' centres.
     images: [(&'static str, Image); 4],
@@ -162,9 +161,7 @@ impl PathTracer {
         }
         let scene = &deform::patched(scene, &state.patches);
         let table = light_table(scene, state);
-        let mut punctual = state.lights.clone();
-        punctual.iter_mut().for_each(|light| light.position -= centre);
-        let buffers = SceneBuffers::new(gpu, scene, state.instances.len())?;
+        let buffers = SceneBuffers::new(gpu, scene, state.instances.len(), state.lights.len())?;
         let mut upload = gpu.frame()?;
         buffers.upload(&mut upload, scene, &relative_to(centre, state.clone()), &[], 0.0)?;
         upload.run()?;
@@ -176,7 +173,6 @@ impl PathTracer {
             inverse_power: if table.power > 0.0 { (1.0 / table.power) as f32 } else { 0.0 },
             bounces: settings.bounces,
             roulette: settings.roulette,
-            punctual_count: punctual.len() as u32,
             sampling: settings.sampling as u32,
             ..Default::default()
         };
@@ -188,7 +184,6 @@ impl PathTracer {
             view,
             view_buffer: gpu.buffer("path_trace view", size_of::<ViewData>() as u64)?,
             lights: gpu.buffer_with("lights", &table.lights)?,
-            punctual: gpu.buffer_with("punctual lights", &punctual)?,
             scene_hash: hash_scene(scene, state)?.update(bytemuck::bytes_of(&centre)).clone(),
             push,
             images: [image("reflected")?, image("other")?, image("albedo")?, image("centre")?],
@@ -211,8 +206,7 @@ impl PathTracer {
         let [width, height] = self.view.size;
         let rows = (PIXELS_PER_DISPATCH / width).next_multiple_of(8).max(8);
         for first_row in (0..height).step_by(rows as usize) {
-            let buffers =
-                [("in_view", &self.view_buffer), ("in_lights", &self.lights), ("in_punctual", &self.punctual)];
+            let buffers = [("in_view", &self.view_buffer), ("in_lights", &self.lights)];
             let mut special: Vec<_> = buffers.map(|(name, buffer)| (name, Bind::from(buffer))).into();
             special.extend(self.images.iter().map(|(name, image)| (*name, Bind::from(image))));
             let push = Push { first_row, rows, fresh, ..self.push };

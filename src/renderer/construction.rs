@@ -106,7 +106,7 @@ impl Renderer {
             relighting,
             composite: Composite::new(gpu, &plan)?,
             panorama: Panorama::new(gpu, color_size, depth_size, scene.panorama.yaw_degrees, Needs::of(&plan))?,
-            scene: SceneBuffers::new(gpu, packed, plan.facts.instances)?,
+            scene: SceneBuffers::new(gpu, packed, plan.facts.instances, plan.facts.lights)?,
             picture: View::new(gpu, "picture", options.size, &plan, Role::Picture)?,
             relight,
             nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32u)?,

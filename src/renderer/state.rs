@@ -85,7 +85,7 @@ impl Renderer {
             state.instances.instances.iter_mut().for_each(|instance| (instance.previous, instance.step) = (NONE, 0.0));
         }
         let (centre, unit) = (scene.panorama.position, self.plan.facts.luminance);
-        let mut movers = self.movers.advance(&scene.packed, &mut state.instances.instances, centre, unit);
+        let mut movers = self.movers.advance(&scene.packed, &mut state.instances, centre, unit);
         if !self.plan.on(Part::Motion) || planted!(self, HistoryKept) {
             movers.clear();
         }
@@ -151,12 +151,13 @@ impl Renderer {
 
 fn viewpoint(options: &RenderOptions, scene: &Scene, camera: &Camera) -> Viewpoint {
     let position = camera.position - scene.panorama.position;
-    match options.projection {
+    let middle = match options.projection {
         Projection::Perspective => {
             Viewpoint::perspective(position, camera.rotation, camera.fov_y_degrees, options.size)
         }
         Projection::Equirect => Viewpoint::equirect(position, camera.rotation),
-    }
+    };
+    middle.of_eye(options.eye)
 }
 
 /// The viewpoint of the relit map. Its pixels are the panorama's texels, so it turns with the panorama.

@@ -46,6 +46,7 @@ impl Renderer {
             edge_depth: u32::from(settings.edge_depth),
             skirt_luminance: settings.skirt_luminance * self.plan.facts.luminance,
             instance_count: state.instances.instances.len() as u32,
+            light_count: state.instances.lights.len() as u32,
             mover_count: state.movers.len() as u32,
             new_video: u32::from(state.new_light && !planted!(self, HistoryKept)),
             bounces: settings.bounces,

@@ -84,6 +84,8 @@ pub struct ObjectSpec {
     pub offset: f64,
     /// Whether the clip ends with its last key, and does not repeat.
     pub hold: bool,
+    /// A factor on its lights without a surface.
+    pub light: f64,
     pub material: Option<MaterialOverride>,
 }
 
@@ -258,6 +260,7 @@ const OBJECT_KEYS: &[&str] = &[
     "speed",
     "offset",
     "repeat",
+    "light",
     "material",
     "key",
 ];
@@ -317,6 +320,9 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
         for key in ["clip", "speed", "offset", "repeat"].into_iter().filter(|key| fields.has(key)) {
             fields.complain(key, "a shape has no animation clips", "use key frames: key = [ … ]");
         }
+        if fields.has("light") {
+            fields.complain("light", "a shape has no lights", "use material.emissive");
+        }
         if fields.has("variant") {
             fields.complain("variant", "a shape has no variants", "leave variant out");
         }
@@ -328,6 +334,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
     let speed = fields.number("speed").unwrap_or(1.0);
     let offset = fields.number("offset").unwrap_or(0.0);
     let hold = fields.word("repeat", &["loop", "hold"]) == Some(1);
+    let light = fields.number_in("light", "from 0 to 1e6", |v| (0.0..=1e6).contains(&v)).unwrap_or(1.0);
     let name = fields.string("name").map(str::to_owned);
     let source = match (gltf, shape) {
         (Some(path), None) => ObjectSource::Gltf(path),
@@ -341,7 +348,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
         ObjectSource::Shape(shape, _) => Shape::NAMES[*shape as usize].to_owned(),
     };
     let name = name.unwrap_or_else(default_name);
-    Some(ObjectSpec { name, source, placement, place, side, variant, clip, speed, offset, hold, material })
+    Some(ObjectSpec { name, source, placement, place, side, variant, clip, speed, offset, hold, light, material })
 }
 
 fn read_material(fields: &FieldTable) -> MaterialOverride {

@@ -205,14 +205,10 @@ fn assemble(
     objects: Vec<Object>,
     loaded_warnings: Vec<String>,
 ) -> Result<Scene> {
-    let shining = objects.iter().filter(|object| !object.model.lights.is_empty());
-    let dark = "its KHR_lights_punctual light scene truth alone, not this picture: give it an emissive surface";
-    let dark: Vec<String> = shining.map(|object| format!("object {}: {dark}", object.name)).collect();
     let mut scene = Scene::assemble(&file.name, panorama, file.camera, objects, file.render)?;
     let mut warnings = file.warnings;
     warnings.extend(scene.panorama.warnings.iter().cloned());
     warnings.extend(loaded_warnings);
-    warnings.extend(dark);
     let (count, position) = (scene.object_count(), scene.panorama.position);
     let bounds = (0..count).map(|index| (index, scene.object_bounds(index, 0.0)));
     warnings.extend(bounds.filter_map(|(index, bounds)| {
@@ -260,6 +256,17 @@ impl<'a> Loader<'a> {
         if let Some(clip) = clip.filter(|_| spec.hold || spec.offset != 0.0) {
             let mut changed = (*model).clone();
             (changed.rig.clips[clip].hold, changed.rig.clips[clip].offset) = (spec.hold, spec.offset);
+            model = Arc::new(changed);
+        }
+        if spec.light != 1.0 && model.lights.is_empty() {
+            let subject = format!("{}: object {}: light", self.scene.display(), spec.name);
+            let problem = "its file has no light (KHR_lights_punctual)";
+            return Err(Error::input(subject, problem, "leave light out, or give material.emissive"));
+        }
+        if spec.light != 1.0 {
+            let mut changed = (*model).clone();
+            changed.lights.iter_mut().for_each(|light| light.intensity *= spec.light as f32);
+            changed.lights.retain(|light| light.intensity != Vec3::ZERO);
             model = Arc::new(changed);
         }
         let (name, placement) = (spec.name.clone(), spec.placement.clone());

@@ -1,6 +1,6 @@
 //! What has moved since the last frame, and how far.
 
-use super::packed::{BvhNode, Instance, Mover, NONE, PackedScene};
+use super::packed::{BvhNode, Instance, Mover, NONE, PackedInstances, PackedScene, Punctual};
 use glam::{Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -9,21 +9,28 @@ use std::collections::HashMap;
 #[derive(Clone, Debug, Default)]
 pub struct Movers {
     before: HashMap<u32, Instance>,
+    lights: Option<Vec<Punctual>>,
 }
 
 impl Movers {
     /// Forgets the last frame.
     pub fn clear(&mut self) {
-        self.before.clear();
+        *self = Self::default();
     }
 
     /// Takes down where instances are, and tells them where they were. Returns what has moved, come or gone since
     /// the last frame, in metres relative to `centre`. `unit` is the radiance to which that of lamps is compared.
-    pub fn advance(&mut self, packed: &PackedScene, instances: &mut [Instance], centre: Vec3, unit: f32) -> Vec<Mover> {
+    pub fn advance(
+        &mut self,
+        packed: &PackedScene,
+        state: &mut PackedInstances,
+        centre: Vec3,
+        unit: f32,
+    ) -> Vec<Mover> {
         let mut before = std::mem::take(&mut self.before);
         let first = before.is_empty();
         let mut movers = Vec::new();
-        for instance in instances {
+        for instance in &mut state.instances {
             let known = before.remove(&instance.id);
             if let Some(known) = known {
                 instance.previous_object_to_world = known.object_to_world;
@@ -35,7 +42,20 @@ impl Movers {
             self.before.insert(instance.id, *instance);
         }
         movers.extend(before.values().filter_map(|gone| mover(packed, gone, true, centre, unit)));
+        movers.extend(self.moved_lights(&state.lights, centre, unit));
         movers
+    }
+
+    /// Takes down the lights, and returns those that are not what they were.
+    fn moved_lights(&mut self, lights: &[Punctual], centre: Vec3, unit: f32) -> Vec<Mover> {
+        let Some(before) = self.lights.replace(lights.to_vec()) else { return Vec::new() };
+        let all = lights.len().max(before.len());
+        let pairs = (0..all).filter_map(|at| match (lights.get(at), before.get(at)) {
+            (Some(now), Some(before)) if now == before => None,
+            (Some(now), Some(before)) => Some((now, before, false)),
+            (now, before) => now.or(before).map(|light| (light, light, true)),
+        });
+        pairs.map(|(now, before, whole)| light_mover(now, before, whole, centre, unit)).collect()
     }
 }
 
@@ -66,6 +86,33 @@ fn mover(packed: &PackedScene, instance: &Instance, whole: bool, centre: Vec3, u
     })
 }
 
+/// Returns a light as a sphere that shines as brightly from afar.
+fn light_mover(now: &Punctual, before: &Punctual, whole: bool, centre: Vec3, unit: f32) -> Mover {
+    const RADIUS: f32 = 0.25;
+    // What covers a part of a surface's sky may take no light from there. A light that moves surely does, so it counts
+    // for more: histories keep an error of a few per cent.
+    const SURE: f32 = 6.0;
+    let directional = now.directional != 0;
+    // A parallel light comes from half of all directions.
+    let radius = if directional { 1e4 } else { RADIUS };
+    let place = |light: &Punctual| if directional { light.direction * -radius } else { light.position - centre };
+    let intensity = now.intensity.max(before.intensity).dot(LUMINANCE);
+    let area = std::f32::consts::PI * if directional { 1.0 } else { radius * radius };
+    let step = place(now).distance(place(before));
+    let turn = if directional { 0.0 } else { now.direction.distance(before.direction) * radius };
+    let changed = whole || now.intensity != before.intensity;
+    Mover {
+        now: place(now),
+        radius,
+        before: place(before),
+        step: if changed { 2.0 * radius } else { step + turn },
+        id: NONE,
+        glow: SURE * intensity / area / unit.max(1e-20),
+    }
+}
+
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+
 fn transform(rows: &[[f32; 4]; 3], point: Vec3) -> Vec3 {
     rows.map(|row| Vec4::from(row).dot(point.extend(1.0))).into()
 }
@@ -79,5 +126,5 @@ fn brightest(packed: &PackedScene, root: u32) -> f32 {
     let materials = triangles
         .flat_map(|node| node.leaf >> 3..(node.leaf >> 3) + (node.leaf & 7))
         .filter_map(|triangle| packed.materials.get(packed.shading.get(triangle as usize)?.material as usize));
-    materials.map(|material| material.emissive.dot(Vec3::new(0.2126, 0.7152, 0.0722))).fold(0.0, f32::max)
+    materials.map(|material| material.emissive.dot(LUMINANCE)).fold(0.0, f32::max)
 }

@@ -64,13 +64,13 @@ gpu_struct! {
     }
 }
 gpu_struct! {
-    /// An instance that has moved since the last frame: spheres around it now and then, metres.
+    /// An instance that has moved since the last frame, or a light without a surface: spheres around it now and then, metres.
     pub struct Mover {
         pub now: Vec3, pub radius: f32,
         pub before: Vec3,
         /// The longest way that a corner of its box has gone.
         pub step: f32,
-        /// As [`Instance::id`].
+        /// As [`Instance::id`]; [`NONE`] is a light.
         pub id: u32,
         /// The greatest radiance that it emits, relative to the panorama's mean.
         pub glow: f32,
@@ -172,7 +172,7 @@ pub struct PackedScene {
 pub struct PackedInstances {
     pub instances: Vec<Instance>,
     pub nodes: Vec<BvhNode>,
-    /// Only scene truth uses these.
+    /// The lights without a surface of all objects.
     pub lights: Vec<Punctual>,
     /// What has changed its shape: all meshes from [`PackedScene::first_deformed`] on, in their order.
     pub patches: Vec<Patch>,

@@ -1,5 +1,5 @@
-//! Lights without a surface (glTF's KHR_lights_punctual). They light scene truth and captures. A picture of
-//! the renderer shows them as far as the capture does.
+//! Lights without a surface (glTF's KHR_lights_punctual): those of the true room light scene truth and captures,
+//! those of inserted objects the mixed scene, too.
 
 use super::packed;
 use glam::{Affine3A, Vec3};

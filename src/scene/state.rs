@@ -98,6 +98,11 @@ impl Scene {
         self.placed.iter().map(|placed| placed.instances.len()).sum()
     }
 
+    /// Returns the number of lights without a surface.
+    pub fn light_count(&self) -> usize {
+        self.placed.iter().map(|placed| placed.object.model.lights.len()).sum()
+    }
+
     /// Returns the number of objects.
     pub fn object_count(&self) -> usize {
         self.placed.len()
@@ -106,7 +111,8 @@ impl Scene {
     /// Returns the name of the first object that ever moves.
     pub fn moving_object(&self) -> Option<&str> {
         let moves = |placed: &&Placed| {
-            !placed.instances.is_empty() && (placed.object.clip.is_some() || !placed.object.placement.is_constant())
+            let shows = !placed.instances.is_empty() || !placed.object.model.lights.is_empty();
+            shows && (placed.object.clip.is_some() || !placed.object.placement.is_constant())
         };
         self.placed.iter().find(moves).map(|placed| placed.object.name.as_str())
     }
@@ -164,7 +170,7 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
         if flat > 0 {
             let problem = "are flattened to a line or point at the start and are not drawn";
             warnings.push(format!("{}: {flat} of its instances {problem}", placed.object.name));
-        } else if placed.instances.is_empty() {
+        } else if placed.instances.is_empty() && placed.object.model.lights.is_empty() {
             warnings.push(format!("{}: holds no triangles", placed.object.name));
         }
     }

@@ -22,6 +22,8 @@ pub struct Viewpoint {
     pub tan_half: Vec2,
     /// The projection.
     pub projection: Projection,
+    /// How far to the right of the position each direction is seen from, metres: an eye of a stereo panorama.
+    pub eye: f32,
 }
 
 impl Viewpoint {
@@ -29,12 +31,22 @@ impl Viewpoint {
     pub fn perspective(position: Vec3, rotation: Quat, fov_y_degrees: f32, size: [u32; 2]) -> Self {
         let tan_y = (0.5 * fov_y_degrees.to_radians()).tan();
         let tan_half = Vec2::new(tan_y * size[0] as f32 / size[1] as f32, tan_y);
-        Self { position, rotation, tan_half, projection: Projection::Perspective }
+        Self { position, rotation, tan_half, projection: Projection::Perspective, eye: 0.0 }
     }
 
     /// Makes a full panorama.
     pub fn equirect(position: Vec3, rotation: Quat) -> Self {
-        Self { position, rotation, tan_half: Vec2::ONE, projection: Projection::Equirect }
+        Self { position, rotation, tan_half: Vec2::ONE, projection: Projection::Equirect, eye: 0.0 }
+    }
+
+    /// Makes it that of an eye so many metres to the right. The eyes of a panorama look everywhere with the other beside
+    /// them (omnidirectional stereo, Peleg, Ben-Ezra and Pritch 2001), but see the poles, where no direction is right, from
+    /// the middle (`view_origin` in `common.glsl`).
+    pub fn of_eye(self, eye: f32) -> Self {
+        match self.projection {
+            Projection::Perspective => Self { position: self.position + self.rotation * (eye * Vec3::X), ..self },
+            Projection::Equirect => Self { eye, ..self },
+        }
     }
 
     /// Returns the unit direction of the ray through a pixel's centre, world axes.
@@ -51,7 +63,7 @@ impl Viewpoint {
 
     /// Says whether primary rays start at the panorama's centre. The real surface is then a look-up.
     pub fn centred(&self) -> bool {
-        self.position.length() < 1e-5
+        self.position.length() < 1e-5 && self.eye == 0.0
     }
 
     /// Returns the angle in radians that one pixel of a picture of this height spans.

@@ -172,7 +172,7 @@ impl Run<'_> {
             settings.set(name, value, self.case)?;
         }
         let projection = Projection::Perspective;
-        Ok(RenderOptions { size, method: self.method, settings, projection, seed: 1, without_objects: false })
+        Ok(RenderOptions { size, method: self.method, settings, projection, seed: 1, without_objects: false, eye: 0.0 })
     }
 
     /// Makes a renderer for a scene.

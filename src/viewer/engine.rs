@@ -357,7 +357,14 @@ impl<'a> Worker<'a> {
                 return true;
             }
             let written = FileKind::of(path).and_then(|kind| {
-                output::write(renderer, &wanted.scene, path, kind, (wanted.exposure, wanted.tonemap), &[])
+                output::write(
+                    std::slice::from_ref(renderer),
+                    &wanted.scene,
+                    path,
+                    kind,
+                    (wanted.exposure, wanted.tonemap),
+                    &[],
+                )
             });
             notices.push(match written {
                 Ok(()) => Notice::Written { path: path.clone(), size: wanted.size, frames: painter.frames },

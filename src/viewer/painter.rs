@@ -400,6 +400,7 @@ fn options(size: [u32; 2], side: &Side, without_objects: bool) -> RenderOptions 
         projection: Projection::Perspective,
         seed: 0,
         without_objects,
+        eye: 0.0,
     }
 }
 

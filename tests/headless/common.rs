@@ -17,7 +17,8 @@ use iprt::{
         camera::{Aim, CameraTrack},
         file::RenderSettings,
         material::Material,
-        model::{Mesh, Model},
+        model::{Local, Mesh, Model, Node, Rig},
+        punctual::{PunctualKind, PunctualLight},
         shapes::Shape,
         viewpoint::Projection,
     },
@@ -159,6 +160,16 @@ pub fn fine_ball(radius: f32, material: Material, at: Vec3) -> Object {
     object(mesh, material, at)
 }
 
+/// A light without a surface that shines everywhere, alone.
+pub fn light(intensity: Vec3, at: Vec3) -> Object {
+    let lamp = PunctualLight { node: 0, intensity, kind: PunctualKind::Point, range: f32::INFINITY };
+    let local = Local::Transform(Transform::IDENTITY);
+    let node = Node { name: "light".into(), parent: None, local, mesh: None, weights: Vec::new() };
+    let rig = Rig { nodes: vec![node], clips: Vec::new() };
+    let model = Model { name: "light".into(), rig, lights: vec![lamp], ..Model::default() };
+    Object { name: "light".into(), model: Arc::new(model), ..object(Mesh::default(), lambert(0.0), at) }
+}
+
 pub fn moving(object: Object, from: Vec3, to: Vec3) -> Object {
     let translation = Track::from_keys(vec![(0.0, from), (1.0, to)], from);
     Object { placement: Placement { translation, ..object.placement }, ..object }
@@ -208,7 +219,8 @@ pub fn options(method: Method, set: &[(&str, &str)]) -> RenderOptions {
     for (name, value) in set {
         settings.set(name, value, "test").expect("a good setting");
     }
-    RenderOptions { size: SIZE, method, settings, projection: Projection::Perspective, seed: 1, without_objects: false }
+    let projection = Projection::Perspective;
+    RenderOptions { size: SIZE, method, settings, projection, seed: 1, without_objects: false, eye: 0.0 }
 }
 
 /// A method's own model, converged, with some settings after that.

@@ -37,6 +37,7 @@ mod oracle;
 mod panorama_io;
 mod path_trace;
 mod plan;
+mod punctual;
 mod relighting;
 #[cfg(debug_assertions)]
 mod reload;
@@ -46,6 +47,7 @@ mod samplers;
 mod scene;
 mod shapes;
 mod stability;
+mod stereo;
 mod stored;
 mod target;
 mod terminal;

@@ -1,5 +1,7 @@
 // The virtual objects (passes/scene.rs). Structs are as in scene/packed.rs, in scalar layout.
 
+const uint NONE = 0xffffffffu; // no instance, no texture
+
 struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
 struct Vertex { vec3 normal; vec2 uv; vec4 tangent; uint color; vec2 uv2; };
 struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint previous; float step; };

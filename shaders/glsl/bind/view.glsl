@@ -5,6 +5,7 @@ struct View {
     vec3 up;
     vec3 forward;
     vec2 tan_half;
+    float eye;               // view_origin: metres to the right
     vec3 previous_position;
     vec3 previous_right;
     vec3 previous_up;
@@ -27,7 +28,8 @@ struct View {
     uint pyramid_area;
     uint pyramid_nodes;
     uint instance_count;
-    uint mover_count;        // instances that have moved since the last frame
+    uint light_count;        // lights without a surface
+    uint mover_count;        // instances and such lights that have moved since the last frame
     uint new_video;          // 1: the video frame is another than in the last frame
     uint bounces;
     uint coverage_samples;

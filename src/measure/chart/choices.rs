@@ -117,6 +117,7 @@ impl Chooser<'_> {
             projection: self.chart.projection,
             seed: self.chart.seed.wrapping_add(self.chart.rounds),
             without_objects: false,
+            eye: 0.0,
         };
         let (mut renderer, mut clock) = (Renderer::new(self.gpu, self.scene, options.clone())?, FrameClock::default());
         let main = self.chart.main_frames();

@@ -136,6 +136,7 @@ impl ChartOptions {
             projection: self.projection,
             seed: self.seed,
             without_objects: false,
+            eye: 0.0,
         }
     }
 }

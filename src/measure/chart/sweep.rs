@@ -117,7 +117,7 @@ const FULL: &[Values] = &[
     (Method::Iprt, "mask_by", &["discontinuity"]),
     (Method::Iprt, "short_history", &["0", "16"]),
     (Method::Iprt, "sharp_roughness", &["0", "1"]),
-    (Method::Iprt, "rest_noise", &["0", "0.005", "0.02"]),
+    (Method::Iprt, "rest_noise", &["0", "0.01", "0.04"]),
     (Method::Iprt, "early_paths", &["1", "4"]),
     (Method::Iprt, "early_history", &["16", "64"]),
     (Method::Iprt, "interpolate", &["false"]),
