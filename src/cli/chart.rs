@@ -183,9 +183,12 @@ impl Progress {
         what.clone_into(&mut self.begun);
         self.bar.set_message(what.to_owned());
         if self.lines {
-            let percent = 100 * self.bar.position() / self.bar.length().unwrap_or(0).max(1);
-            // An earlier estimate would be a guess from very little.
-            let left = if percent < 2 { String::new() } else { format!(" ({} left)", HumanDuration(self.bar.eta())) };
+            let (done, all) = (self.bar.position(), self.bar.length().unwrap_or(0).max(1));
+            let percent = 100 * done / all;
+            // By the speed on the whole: pieces of the work take very unlike times. An earlier estimate would be a guess from
+            // very little.
+            let left = self.bar.elapsed().mul_f64(all.saturating_sub(done) as f64 / done.max(1) as f64);
+            let left = if percent < 2 { String::new() } else { format!(" ({} left)", HumanDuration(left)) };
             super::say(&format!("{percent} %: {what}{left}"));
         }
     }

@@ -5,7 +5,8 @@ use super::{
     camera::{Aim, CameraTrack},
     fields::{FieldTable, Problems},
     file_panorama::read_panorama,
-    material::MaterialOverride,
+    material::Material,
+    material_override::{MaterialOverride, Value},
     placing::{Place, read_place},
     shapes::Shape,
 };
@@ -265,26 +266,6 @@ const OBJECT_KEYS: &[&str] = &[
     "key",
 ];
 
-const MATERIAL_KEYS: &[&str] = &[
-    "base_color",
-    "metallic",
-    "roughness",
-    "specular",
-    "ior",
-    "emissive",
-    "transmission",
-    "thickness",
-    "attenuation_color",
-    "attenuation_distance",
-    "clearcoat",
-    "clearcoat_roughness",
-    "sheen_color",
-    "sheen_roughness",
-    "anisotropy",
-    "iridescence",
-    "iridescence_thickness",
-];
-
 fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
     let shape = fields.word("shape", &Shape::NAMES).map(|index| Shape::ALL[index]);
     let gltf = fields.file_path("gltf");
@@ -327,7 +308,7 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
             fields.complain("variant", "a shape has no variants", "leave variant out");
         }
     }
-    let material = fields.table("material", MATERIAL_KEYS).map(|material| read_material(&material));
+    let material = fields.table("material", MaterialOverride::KEYS).map(|material| read_material(&material));
     let (placement, place) = (read_placement(fields), read_place(fields));
     let clip = fields.string("clip").map(str::to_owned);
     let variant = fields.string("variant").map(str::to_owned);
@@ -352,35 +333,23 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
 }
 
 fn read_material(fields: &FieldTable) -> MaterialOverride {
-    let part = |key: &str| fields.number_in(key, "from 0 to 1", |v| (0.0..=1.0).contains(&v)).map(|v| v as f32);
-    let length = |key: &str| fields.number_in(key, "from 0", |v| (0.0..=1e9).contains(&v)).map(|v| v as f32);
-    let color = |key: &str, most: f64| {
-        let values = fields.vector(key)?;
-        if values.iter().any(|v| *v < 0.0 || *v > most) {
-            let remedy = if most == 1.0 { "give three numbers from 0 to 1" } else { "give three numbers from 0" };
-            fields.complain(key, "is out of range", remedy);
-        }
-        Some(vec3(values))
-    };
-    MaterialOverride {
-        base_color: color("base_color", 1.0),
-        metallic: part("metallic"),
-        roughness: part("roughness"),
-        specular: part("specular"),
-        ior: fields.number_in("ior", "from 1 to 10", |v| (1.0..=10.0).contains(&v)).map(|v| v as f32),
-        emissive: color("emissive", 1e9),
-        transmission: part("transmission"),
-        thickness: length("thickness"),
-        attenuation_color: color("attenuation_color", 1.0),
-        attenuation_distance: length("attenuation_distance").filter(|distance| *distance > 0.0),
-        clearcoat: part("clearcoat"),
-        clearcoat_roughness: part("clearcoat_roughness"),
-        sheen_color: color("sheen_color", 1.0),
-        sheen_roughness: part("sheen_roughness"),
-        anisotropy: part("anisotropy"),
-        iridescence: part("iridescence"),
-        iridescence_thickness: length("iridescence_thickness"),
+    let mut by = MaterialOverride::default();
+    for entry in MaterialOverride::ENTRIES {
+        let [least, most] = entry.range;
+        let range = if most < 1e9 { format!("from {least} to {most}") } else { format!("from {least}") };
+        let fits = |value: f64| (f64::from(least)..=f64::from(most)).contains(&value);
+        let value = match (entry.of)(&Material::default()) {
+            Value::Number(_) => fields.number_in(entry.key, &range, fits).map(|number| Value::Number(number as f32)),
+            Value::Color(_) => fields.vector(entry.key).map(|color| {
+                if !color.into_iter().all(fits) {
+                    fields.complain(entry.key, "is out of range", format!("give three numbers {range}"));
+                }
+                Value::Color(vec3(color))
+            }),
+        };
+        (entry.set)(&mut by, value);
     }
+    by
 }
 
 fn read_rotation(fields: &FieldTable) -> Option<Turn> {

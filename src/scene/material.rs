@@ -267,85 +267,6 @@ impl Material {
     }
 }
 
-/// What a scene file may set on top of an object's own materials. Each value replaces the factor and the
-/// texture.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct MaterialOverride {
-    pub base_color: Option<Vec3>,
-    pub metallic: Option<f32>,
-    pub roughness: Option<f32>,
-    pub specular: Option<f32>,
-    pub ior: Option<f32>,
-    pub emissive: Option<Vec3>,
-    pub transmission: Option<f32>,
-    pub thickness: Option<f32>,
-    pub attenuation_color: Option<Vec3>,
-    pub attenuation_distance: Option<f32>,
-    pub clearcoat: Option<f32>,
-    pub clearcoat_roughness: Option<f32>,
-    pub sheen_color: Option<Vec3>,
-    pub sheen_roughness: Option<f32>,
-    pub anisotropy: Option<f32>,
-    pub iridescence: Option<f32>,
-    pub iridescence_thickness: Option<f32>,
-}
-
-impl MaterialOverride {
-    /// Changes every material of a model.
-    pub fn apply(&self, materials: &mut [Material], textures: &mut Vec<Texture>) {
-        for material in materials {
-            if let Some(color) = self.base_color {
-                material.base_color = color;
-                material.textures[Slot::BaseColor as usize] = None;
-            }
-            if self.metallic.is_some() && self.roughness.is_some() {
-                material.textures[Slot::MetallicRoughness as usize] = None;
-            } else if let Some(used) = &mut material.textures[Slot::MetallicRoughness as usize] {
-                // The other channel must stay, so a copy of the texture is made in which this one is 1.
-                for (given, channel) in [(self.roughness, 1), (self.metallic, 2)] {
-                    if given.is_some() {
-                        let copy = textures[used.texture].with_channel_at_one(channel);
-                        textures.push(copy);
-                        used.texture = textures.len() - 1;
-                    }
-                }
-            }
-            material.metallic = self.metallic.unwrap_or(material.metallic);
-            material.roughness = self.roughness.unwrap_or(material.roughness);
-            material.ior = self.ior.unwrap_or(material.ior);
-            material.thickness = self.thickness.unwrap_or(material.thickness);
-            material.attenuation_color = self.attenuation_color.unwrap_or(material.attenuation_color);
-            material.attenuation_distance = self.attenuation_distance.unwrap_or(material.attenuation_distance);
-            let texture = &mut material.textures;
-            let mut numbers = [
-                (self.specular, &mut material.specular, Slot::Specular),
-                (self.transmission, &mut material.transmission, Slot::Transmission),
-                (self.clearcoat, &mut material.clearcoat, Slot::Clearcoat),
-                (self.clearcoat_roughness, &mut material.clearcoat_roughness, Slot::ClearcoatRoughness),
-                (self.sheen_roughness, &mut material.sheen_roughness, Slot::SheenRoughness),
-                (self.anisotropy, &mut material.anisotropy, Slot::Anisotropy),
-                (self.iridescence, &mut material.iridescence, Slot::Iridescence),
-                (self.iridescence_thickness, &mut material.iridescence_thickness.y, Slot::IridescenceThickness),
-            ];
-            for (given, value, slot) in &mut numbers {
-                if let Some(given) = given {
-                    **value = *given;
-                    texture[*slot as usize] = None;
-                }
-            }
-            for (given, value, slot) in [
-                (self.emissive, &mut material.emissive, Slot::Emissive),
-                (self.sheen_color, &mut material.sheen_color, Slot::SheenColor),
-            ] {
-                if let Some(given) = given {
-                    *value = given;
-                    texture[slot as usize] = None;
-                }
-            }
-        }
-    }
-}
-
 /// What a texture's texels mean. It decides how they are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TexelEncoding {
@@ -380,7 +301,7 @@ pub struct Texture {
 }
 
 impl Texture {
-    fn with_channel_at_one(&self, channel: usize) -> Self {
+    pub(super) fn with_channel_at_one(&self, channel: usize) -> Self {
         let mut copy = self.clone();
         for texel in &mut copy.texels {
             texel[channel] = 255;

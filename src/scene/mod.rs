@@ -15,6 +15,7 @@ pub mod gltf;
 pub mod lights;
 pub mod load;
 pub mod material;
+pub mod material_override;
 pub mod mips;
 pub mod model;
 pub mod movers;

@@ -2,7 +2,7 @@
 
 use super::{
     edit::Editor,
-    pick,
+    gizmo, pick,
     session::{Drag, Session, WindowRequest},
     state::{Compare, Side},
 };
@@ -17,6 +17,7 @@ use std::{path::PathBuf, time::Instant};
 /// The keys and what they do, for the help in the window and for the documents.
 pub const KEYS: &[(&str, &str)] = &[
     ("drag", "look; on an object: move it on its level"),
+    ("drag an arrow", "move the selected object along that axis of the world"),
     ("Alt+drag on an object", "move it along real surfaces: onto tables, walls, the floor"),
     ("Shift+drag, Ctrl+drag on an object", "turn it, scale it"),
     ("right drag", "look, whatever is under the pointer"),
@@ -293,6 +294,11 @@ pub fn pointer(session: &mut Session, response: &egui::Response, ui: &egui::Ui) 
                 }
             }
         }
+        Some(Drag::MoveAlong { grip, foot, axis }) => {
+            if let Some(at) = response.interact_pointer_pos() {
+                drag_on_axis(session, place(at) + grip, foot, axis);
+            }
+        }
         Some(way @ (Drag::Turn | Drag::Scale)) if by != Vec2::ZERO => {
             let time = session.time;
             let Some((index, editor)) = session.editor.as_mut().and_then(|e| Some((e.selected()?, e))) else { return };
@@ -339,6 +345,9 @@ fn described(session: &Session, place: Vec2) -> Option<String> {
 
 /// What a drag that begins here moves.
 fn grab(session: &mut Session, place: Vec2, modifiers: Modifiers) -> Drag {
+    if let Some(drag) = grab_arrow(session, place) {
+        return drag;
+    }
     let Some(index) = under(session, place) else { return Drag::Look };
     let (lens, time) = (session.lens(), session.time);
     let Some(editor) = &mut session.editor else { return Drag::Look };
@@ -354,6 +363,26 @@ fn grab(session: &mut Session, place: Vec2, modifiers: Modifiers) -> Drag {
         let seen = lens.and_then(|lens| lens.project(foot));
         Drag::Move { grip: seen.map_or(Vec2::ZERO, |seen| seen - place), foot }
     }
+}
+
+/// The axis whose arrow can be grabbed here. Where an arrow is drawn over its own object, that is grabbed.
+pub fn arrow_at(session: &Session, place: Vec2) -> Option<Vec3> {
+    let (lens, editor) = (session.lens()?, session.editor.as_ref()?);
+    let index = editor.selected()?;
+    let axis = gizmo::at(&lens, &editor.bounds(index, session.time), place)?;
+    (under(session, place) != Some(index)).then_some(axis)
+}
+
+/// The drag that begins at an arrow of the selected object, if one is here.
+fn grab_arrow(session: &mut Session, place: Vec2) -> Option<Drag> {
+    let (axis, lens, time) = (arrow_at(session, place)?, session.lens()?, session.time);
+    let editor = session.editor.as_mut()?;
+    let bounds = editor.bounds(editor.selected()?, time);
+    let foot = pick::foot(&bounds);
+    let grip = lens.project(foot)? - place;
+    editor.begin_step();
+    session.playing = false;
+    Some(Drag::MoveAlong { grip, foot, axis })
 }
 
 /// Moves the selected object on the level where it stood, to what is seen of that at a place in the picture.

@@ -1,4 +1,4 @@
-//! Edits the scene by hand: add, remove, place, undo and redo.
+//! Edits the scene by hand: add, remove, place, give other materials, undo and redo.
 
 use crate::{
     Error, Result,
@@ -6,8 +6,10 @@ use crate::{
         Object, Scene,
         animation::{Placement, Transform},
         bounds::Bounds,
+        file::read_scene_file,
         gltf,
         material::Material,
+        material_override::MaterialOverride,
         model::Model,
         rooms::Room,
         shapes::Shape,
@@ -40,11 +42,31 @@ pub enum Made {
     Shape(Shape, Vec3),
 }
 
+/// What was set of an object's materials by hand.
+#[derive(Clone, Default)]
+pub struct Painted {
+    pub by: MaterialOverride,
+    /// What the scene file sets.
+    pub of_file: MaterialOverride,
+    /// The model as it was before anything was set by hand.
+    before: Option<Arc<Model>>,
+}
+
+impl Painted {
+    /// Whether anything was ever set by hand, even if it was taken back.
+    pub fn is_touched(&self) -> bool {
+        self.before.is_some()
+    }
+}
+
 /// One state of the scene.
 #[derive(Clone)]
 struct State {
+    /// The step that led to it, in words.
+    step: String,
     scene: Arc<Scene>,
     made: Vec<Made>,
+    painted: Vec<Painted>,
     selected: Option<usize>,
 }
 
@@ -74,7 +96,14 @@ impl Editor {
     pub fn new(scene: Scene, origin: Origin) -> Self {
         let made = (0..scene.objects().count()).map(Made::Kept).collect();
         let scene = Arc::new(scene);
-        let now = State { scene: Arc::clone(&scene), made, selected: None };
+        let mut painted = vec![Painted::default(); scene.objects().count()];
+        if let Origin::File(path) = &origin {
+            let specs = read_scene_file(path).map_or_else(|_| Vec::new(), |file| file.objects);
+            for (painted, spec) in painted.iter_mut().zip(specs) {
+                painted.of_file = spec.material.unwrap_or_default();
+            }
+        }
+        let now = State { step: "as opened".into(), scene: Arc::clone(&scene), made, painted, selected: None };
         Self { now, before: Vec::new(), after: Vec::new(), fresh_step: true, origin, saved: scene, wheel: None }
     }
 
@@ -135,8 +164,22 @@ impl Editor {
         self.saved = Arc::clone(&self.now.scene);
     }
 
-    fn remember(&mut self) {
+    /// The steps in words, the first of which is the scene as it was opened, and the number of the last that was done.
+    pub fn steps(&self) -> (Vec<String>, usize) {
+        let all = self.before.iter().chain(std::iter::once(&self.now)).chain(self.after.iter().rev());
+        (all.map(|state| state.step.clone()).collect(), self.before.len())
+    }
+
+    /// Undoes or repeats steps until this one is the last that was done.
+    pub fn go_to(&mut self, step: usize) {
+        while self.before.len() > step && self.undo() {}
+        while self.before.len() < step && self.redo() {}
+    }
+
+    /// Keeps the state as it is, before a step.
+    fn remember(&mut self, step: String) {
         self.before.push(self.now.clone());
+        self.now.step = step;
         if self.before.len() > STEPS {
             self.before.remove(0);
         }
@@ -149,9 +192,15 @@ impl Editor {
         if object.placement.at(time) == to || to.scale.abs().min_element() < 1e-6 || !to.translation.is_finite() {
             return;
         }
-        let placement = object.placement.moved(time, to);
+        let was = object.placement.at(time);
+        let way = match () {
+            () if was.rotation != to.rotation => "turn",
+            () if was.scale != to.scale => "scale",
+            () => "move",
+        };
+        let (placement, step) = (object.placement.moved(time, to), format!("{way} {}", object.name));
         if std::mem::take(&mut self.fresh_step) {
-            self.remember();
+            self.remember(step);
         }
         let mut scene = Scene::clone(&self.now.scene);
         scene.place(index, placement);
@@ -171,12 +220,14 @@ impl Editor {
             object.name = format!("{stem}-{number}");
             number += 1;
         }
+        let step = format!("add {}", object.name);
         let mut objects: Vec<Object> = self.now.scene.objects().cloned().collect();
         objects.push(object);
         let scene = self.now.scene.with_objects(&objects)?;
-        self.remember();
+        self.remember(step);
         self.now.scene = Arc::new(scene);
         self.now.made.push(made);
+        self.now.painted.push(Painted::default());
         self.now.selected = Some(objects.len() - 1);
         self.fresh_step = false; // putting it somewhere is part of adding it
         Ok(objects.len() - 1)
@@ -194,7 +245,9 @@ impl Editor {
         let bounds = self.bounds(index, time);
         let mut to = object.placement.at(time);
         to.translation += 1.1 * (bounds.max - bounds.min).dot(aside.abs()) * aside;
+        let painted = self.now.painted[index].clone();
         let copy = self.add(object, self.now.made[index].clone())?;
+        self.now.painted[copy] = painted;
         self.place(copy, to, time);
         Ok(())
     }
@@ -206,12 +259,51 @@ impl Editor {
     pub fn remove(&mut self) -> Result<()> {
         let Some(index) = self.now.selected else { return Ok(()) };
         let mut objects: Vec<Object> = self.now.scene.objects().cloned().collect();
-        objects.remove(index);
+        let removed = objects.remove(index);
         let scene = self.now.scene.with_objects(&objects)?;
-        self.remember();
+        self.remember(format!("remove {}", removed.name));
         self.now.scene = Arc::new(scene);
         self.now.made.remove(index);
+        self.now.painted.remove(index);
         self.now.selected = None;
+        Ok(())
+    }
+
+    /// What was set of an object's materials by hand.
+    pub fn painted(&self, index: usize) -> Option<&Painted> {
+        self.now.painted.get(index)
+    }
+
+    /// An object's first material, as it is now.
+    pub fn material(&self, index: usize) -> Option<&Material> {
+        self.now.scene.objects().nth(index)?.model.materials.first()
+    }
+
+    /// Sets values of all materials of an object, and takes back what was set before and is not given. Part of the same
+    /// step until the next [`Editor::begin_step`].
+    ///
+    /// # Errors
+    /// Fails if the scene cannot be packed.
+    pub fn paint(&mut self, index: usize, by: MaterialOverride) -> Result<()> {
+        let mut objects: Vec<Object> = self.now.scene.objects().cloned().collect();
+        let (Some(object), Some(painted)) = (objects.get_mut(index), self.now.painted.get(index)) else {
+            return Ok(());
+        };
+        if painted.by == by {
+            return Ok(());
+        }
+        let before = painted.before.clone().unwrap_or_else(|| object.model.clone());
+        let mut model = Model::clone(&before);
+        by.apply(&mut model.materials, &mut model.textures);
+        object.model = if by == MaterialOverride::default() { before.clone() } else { Arc::new(model) };
+        let step = format!("material of {}", object.name);
+        let scene = self.now.scene.with_objects(&objects)?;
+        if std::mem::take(&mut self.fresh_step) {
+            self.remember(step);
+        }
+        self.now.scene = Arc::new(scene);
+        let painted = &mut self.now.painted[index];
+        (painted.by, painted.before) = (by, Some(before));
         Ok(())
     }
 

@@ -1,19 +1,15 @@
 //! The panels, which show what can be chosen and what is being shown.
 
 use super::{
-    controls,
-    edit::shape_object,
-    legend,
-    session::{Session, WindowRequest},
+    controls, gizmo, legend, objects_panel,
+    session::{Drag, Session, WindowRequest},
     settings_panel,
     state::{Compare, RenderedPicture, Side},
     timings_panel,
 };
-use crate::{
-    gpu::PresentMode, image_file::tonemap::Tonemap, passes::display::Meaning, scene::shapes::Shape, settings::Method,
-};
+use crate::{gpu::PresentMode, image_file::tonemap::Tonemap, passes::display::Meaning, settings::Method};
 use egui::{Align2, Color32, RichText, Ui};
-use glam::{EulerRot, Quat, Vec3};
+use glam::Vec3;
 use std::{path::PathBuf, time::Duration};
 
 /// Width of the panels, points.
@@ -58,7 +54,7 @@ fn panels(session: &mut Session, ui: &mut Ui) {
         }
     }
     section(ui, "Image", true, |ui| image(session, ui));
-    section(ui, "Objects", true, |ui| objects(session, ui));
+    section(ui, "Objects", true, |ui| objects_panel::show(session, ui));
     section(ui, "Time of passes", true, |ui| timings_panel::show(session, ui));
     section(ui, "Plan of A", false, |ui| plan(session, ui));
     section(ui, "Window", false, |ui| window_options(session, ui));
@@ -157,88 +153,6 @@ fn image(session: &mut Session, ui: &mut Ui) {
     ui.checkbox(&mut session.mark_unknown, "mark what was never seen").on_hover_text(
         "stripes where a ray of the camera passes behind something that hid it from the capture point (U)",
     );
-}
-
-fn objects(session: &mut Session, ui: &mut Ui) {
-    let time = session.time;
-    let Some(editor) = &mut session.editor else { return };
-    let (names, selected) = (editor.names(), editor.selected());
-    ui.horizontal_wrapped(|ui| {
-        for (index, name) in names.iter().enumerate() {
-            if ui.selectable_label(selected == Some(index), name).clicked() {
-                editor.select(if selected == Some(index) { None } else { Some(index) });
-            }
-        }
-    });
-    if let Some(index) = editor.selected() {
-        let mut to = editor.transform(index, time);
-        let (y, x, z) = to.rotation.to_euler(EulerRot::YXZ);
-        let mut angles = Vec3::new(x, y, z).map(f32::to_degrees);
-        let mut begins = false;
-        let mut changed = false;
-        let mut row = |ui: &mut Ui, name: &str, hover: &str, value: &mut Vec3, speed: f32| -> bool {
-            ui.horizontal(|ui| {
-                ui.add_sized([64.0, 18.0], egui::Label::new(name)).on_hover_text(hover);
-                let mut moved = false;
-                for part in value.as_mut() {
-                    let answer = ui.add(egui::DragValue::new(part).speed(speed).max_decimals(3));
-                    begins |= answer.drag_started() || answer.gained_focus();
-                    moved |= answer.changed();
-                }
-                moved
-            })
-            .inner
-        };
-        changed |= row(ui, "place", "x, y, z of its origin, world, metres", &mut to.translation, 0.01);
-        let turned = row(ui, "turn", "about x, y, z, degrees: first z, then x, then y", &mut angles, 1.0);
-        changed |= row(ui, "scale", "along its own x, y, z", &mut to.scale, 0.01);
-        if turned {
-            let radians = angles.map(f32::to_radians);
-            to.rotation = Quat::from_euler(EulerRot::YXZ, radians.y, radians.x, radians.z);
-        }
-        if begins {
-            editor.begin_step();
-        }
-        if changed || turned {
-            editor.place(index, to, time);
-        }
-    }
-    ui.horizontal(|ui| {
-        if ui.button("remove").on_hover_text("the selected object (Delete)").clicked() {
-            let removed = session.editor.as_mut().map_or(Ok(()), super::edit::Editor::remove);
-            session.check(removed);
-        }
-        if ui.button("undo").on_hover_text("Ctrl+Z").clicked() {
-            session.editor.as_mut().map(super::edit::Editor::undo);
-        }
-        if ui.button("redo").on_hover_text("Ctrl+Y").clicked() {
-            session.editor.as_mut().map(super::edit::Editor::redo);
-        }
-        ui.menu_button("add", |ui| {
-            for (shape, name) in Shape::ALL.into_iter().zip(Shape::NAMES) {
-                if ui.button(name).clicked() {
-                    let (object, made) = shape_object(shape, Vec3::splat(0.3));
-                    session.add(object, made);
-                    ui.close();
-                }
-            }
-        });
-    });
-    ui.horizontal(|ui| {
-        let path = egui::TextEdit::singleline(&mut session.model_path).hint_text(".glb, .gltf").desired_width(180.0);
-        ui.add(path).on_hover_text("or drop the file on the window");
-        if ui.button("add").clicked() && !session.model_path.is_empty() {
-            session.actions.push(WindowRequest::Load(PathBuf::from(session.model_path.trim())));
-        }
-    });
-    ui.horizontal(|ui| {
-        ui.add(egui::TextEdit::singleline(&mut session.save_path).desired_width(180.0))
-            .on_hover_text("a scene file; for a built-in room a folder");
-        let label = if session.editor.as_ref().is_some_and(super::edit::Editor::changed) { "save *" } else { "save" };
-        if ui.button(label).on_hover_text("objects, camera, method and settings (Ctrl+S)").clicked() {
-            session.save(&PathBuf::from(session.save_path.clone()));
-        }
-    });
 }
 
 /// Shows which parts of the model the scene needs.
@@ -341,7 +255,17 @@ fn over_picture(session: &mut Session, ui: &mut Ui, rect: egui::Rect) {
     if let (Some(editor), Some(lens)) = (&session.editor, session.lens())
         && let Some(index) = editor.selected()
     {
-        outline(&painter, rect, &lens, &editor.bounds(index, session.time));
+        let bounds = editor.bounds(index, session.time);
+        outline(&painter, rect, &lens, &bounds);
+        let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|at| rect.contains(*at));
+        let place =
+            |at: egui::Pos2| glam::vec2((at.x - rect.min.x) / rect.width(), (at.y - rect.min.y) / rect.height());
+        let bold = match session.drag {
+            Some(Drag::MoveAlong { axis, .. }) => Some(axis),
+            Some(_) => None,
+            None => pointer.and_then(|at| controls::arrow_at(session, place(at))),
+        };
+        gizmo::draw(&painter, rect, &lens, &bounds, bold);
     }
     legend::show(session, &painter, rect);
     session.tidy();

@@ -68,6 +68,7 @@ pub fn note(word: &str, session: &Session, window: [u32; 2]) -> Value {
         "picture": session.picture_size(),
         "selected": session.editor.as_ref().and_then(|editor| editor.selected()),
         "objects": objects,
+        "steps": session.editor.as_ref().map(|editor| editor.steps().0).unwrap_or_default(),
         "changed": session.editor.as_ref().is_some_and(super::edit::Editor::changed),
         "closing": session.closing,
         "camera": camera,

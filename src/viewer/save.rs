@@ -1,7 +1,7 @@
 //! Writes the scene as it is now, so that `render` shows what the window shows. A scene file keeps its
 //! comments and all that was not changed. A built-in room becomes a folder, as `iprt scene export` makes it.
 
-use super::edit::{Editor, Made, Origin};
+use super::edit::{Editor, Made, Origin, Painted};
 use crate::{
     Error, Result,
     image_file::{
@@ -14,6 +14,7 @@ use crate::{
         camera::CameraTrack,
         export::{Export, camera_table, placement_table},
         file::{RenderSettings, read_scene_file},
+        material_override::{MaterialOverride, Value},
         shapes::Shape,
     },
     settings::{Method, Settings},
@@ -104,7 +105,7 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
     };
     let old = document.remove("object").and_then(|item| item.into_array_of_tables().ok()).unwrap_or_default();
     let mut objects = ArrayOfTables::new();
-    for (object, made) in editor.scene().objects().zip(editor.made()) {
+    for (index, (object, made)) in editor.scene().objects().zip(editor.made()).enumerate() {
         let kept = match made {
             Made::Kept(index) => old.get(*index).cloned(),
             _ => None,
@@ -129,6 +130,9 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
                 let size: toml_edit::Array = size.to_array().iter().map(|side| shortest(*side)).collect();
                 table["size"] = toml_edit::value(size);
             }
+        }
+        if let Some(painted) = editor.painted(index).filter(|painted| painted.is_touched()) {
+            write_material(&mut table, painted);
         }
         if !unmoved {
             replace(
@@ -158,6 +162,29 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
     write_render(&mut document, &view.render);
     write_bytes(to, document.to_string().as_bytes())?;
     Ok(to.to_owned())
+}
+
+/// Writes what was set of a material by hand, beside what the file had set of it.
+fn write_material(table: &mut Table, painted: &Painted) {
+    let material = table.entry("material").or_insert(toml_edit::value(toml_edit::InlineTable::new()));
+    let Some(material) = material.as_table_like_mut() else { return };
+    for entry in MaterialOverride::ENTRIES {
+        match (entry.get)(&painted.by).or((entry.get)(&painted.of_file)) {
+            Some(Value::Number(number)) => {
+                material.insert(entry.key, toml_edit::value(shortest(number)));
+            }
+            Some(Value::Color(color)) => {
+                let color: toml_edit::Array = color.to_array().into_iter().map(shortest).collect();
+                material.insert(entry.key, toml_edit::value(color));
+            }
+            None => {
+                material.remove(entry.key);
+            }
+        }
+    }
+    if material.is_empty() {
+        table.remove("material");
+    }
 }
 
 /// The shortest decimal that reads back as the same single-precision number.

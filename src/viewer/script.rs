@@ -26,6 +26,7 @@ Lines of a script; `#` begins a comment, and after the last line the window clos
   errors N             waits until N things have gone wrong
   screenshot FILE      A's picture, .png or .exr, and waits until it is written
   set A|B KEY=VALUE    a setting
+  material KEY=VALUE   a value of the selected object's materials: a number or R,G,B; nothing after = takes it back
   save PATH            saves the scene
   note WORD            puts the state of the session into the report";
 
@@ -59,6 +60,7 @@ pub enum Step {
         side: usize,
         pair: String,
     },
+    Material(String),
     Save(PathBuf),
     Note(String),
     /// Waits until this frame.
@@ -179,6 +181,7 @@ fn line_steps(words: &[&str]) -> std::result::Result<Vec<Step>, &'static str> {
             let side = ["A", "B"].iter().position(|name| name == side).ok_or("a side is A or B")?;
             vec![Step::Set { side, pair: (*pair).to_owned() }]
         }
+        ["material", pair] => vec![Step::Material((*pair).to_owned())],
         ["save", path] => vec![Step::Save(file(path))],
         ["note", word] => vec![Step::Note((*word).to_owned())],
         _ => return Err("not understood"),

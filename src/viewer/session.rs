@@ -11,7 +11,12 @@ use crate::{
     Error, Result,
     gpu::{Blit, PresentMode, Timings},
     image_file::tonemap::Tonemap,
-    scene::{Object, Scene, camera::Camera, file::RenderSettings},
+    scene::{
+        Object, Scene,
+        camera::Camera,
+        file::RenderSettings,
+        material_override::{MaterialOverride, Value},
+    },
     settings::Method,
     warnings,
 };
@@ -72,6 +77,8 @@ pub enum Drag {
     /// An object, over surfaces. `grip` is the way from the pointer to the object's foot, as a part of the
     /// picture, and `foot` where that was in the world.
     Move { grip: glam::Vec2, foot: glam::Vec3 },
+    /// An object, along an axis of the world, by its arrow.
+    MoveAlong { grip: glam::Vec2, foot: glam::Vec3, axis: glam::Vec3 },
     /// An object, about its vertical axis.
     Turn,
     /// The size of an object.
@@ -410,6 +417,38 @@ impl Session {
             editor.begin_step();
         }
         self.check(added);
+    }
+
+    /// Sets a value of the selected object's materials, as a script does: a number, or three with commas; nothing takes it
+    /// back.
+    ///
+    /// # Errors
+    /// Fails if there is no such value, or if the scene cannot be packed.
+    pub fn paint(&mut self, key: &str, text: &str) -> Result<()> {
+        let Some((index, editor)) = self.editor.as_mut().and_then(|editor| Some((editor.selected()?, editor))) else {
+            return Ok(());
+        };
+        let subject = || format!("--script: material {key}={text}");
+        let entry = MaterialOverride::ENTRIES.iter().find(|entry| entry.key == key);
+        let entry = entry.ok_or_else(|| {
+            Error::input(
+                subject(),
+                "there is no such value",
+                format!("use one of {}", MaterialOverride::KEYS.join(", ")),
+            )
+        })?;
+        let numbers: Option<Vec<f32>> =
+            text.split(',').filter(|part| !part.is_empty()).map(|part| part.trim().parse().ok()).collect();
+        let value = match numbers.as_deref() {
+            Some([]) => None,
+            Some([number]) => Some(Value::Number(*number)),
+            Some([r, g, b]) => Some(Value::Color(glam::vec3(*r, *g, *b))),
+            _ => return Err(Error::input(subject(), "is neither a number nor three", "write KEY=0.5 or KEY=1,0,0")),
+        };
+        let mut by = editor.painted(index).map(|painted| painted.by.clone()).unwrap_or_default();
+        (entry.set)(&mut by, value);
+        editor.begin_step();
+        editor.paint(index, by)
     }
 
     /// Saves the scene, and tells what was written or what is wrong.

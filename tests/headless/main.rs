@@ -60,6 +60,7 @@ mod video_in;
 mod video_out;
 mod view;
 mod vulkan_faults;
+mod window_edits;
 
 /// SPIR-V of `tests/glsl/*.comp`.
 mod shaders {

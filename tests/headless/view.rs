@@ -87,7 +87,7 @@ set = { relight_levels = 0, atrous_levels = 2 }
 "#;
 
 /// The scene in a folder.
-fn room() -> Folder {
+pub fn room() -> Folder {
     let folder = Folder::empty();
     for frame in 0..2 {
         // a bright ceiling, a grey rest; the second frame is redder
@@ -121,7 +121,7 @@ fn start_with(
 }
 
 /// Plays a script to its end, and demands that validation had nothing to say.
-fn play(folder: &Folder, display: &Display, script: &str, arguments: &str) -> Report {
+pub fn play(folder: &Folder, display: &Display, script: &str, arguments: &str) -> Report {
     start(folder, display, script, arguments).finish()
 }
 
@@ -147,30 +147,30 @@ impl Session {
     }
 }
 
-struct Report(Value);
+pub struct Report(pub Value);
 
 impl Report {
-    fn note(&self, word: &str) -> &Value {
+    pub fn note(&self, word: &str) -> &Value {
         let notes = self.0["notes"].as_array().expect("notes");
         notes.iter().find(|note| note["note"] == word).unwrap_or_else(|| panic!("no note {word} in {notes:#?}"))
     }
 
-    fn errors(&self) -> String {
+    pub fn errors(&self) -> String {
         self.0["errors"].to_string()
     }
 }
 
-fn vector(value: &Value) -> [f64; 3] {
+pub fn vector(value: &Value) -> [f64; 3] {
     let numbers: Vec<f64> = value.as_array().expect("a vector").iter().map(|x| x.as_f64().expect("a number")).collect();
     numbers.try_into().expect("three numbers")
 }
 
-fn picture(path: &Path) -> image::RgbImage {
+pub fn picture(path: &Path) -> image::RgbImage {
     image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).to_rgb8()
 }
 
 /// Mean over a part of a picture.
-fn mean(picture: &image::RgbImage, x: std::ops::Range<u32>, y: std::ops::Range<u32>) -> f64 {
+pub fn mean(picture: &image::RgbImage, x: std::ops::Range<u32>, y: std::ops::Range<u32>) -> f64 {
     let count = f64::from((x.end - x.start) * (y.end - y.start) * 3);
     let sum: u32 = y
         .flat_map(|y| x.clone().map(move |x| (x, y)))
@@ -448,60 +448,6 @@ fn what_is_dropped_is_there_and_what_goes_wrong_is_said() {
     assert!(fs::read_to_string(folder.path("with_cube.toml")).expect("saved").contains("gltf = \"cube.glb\""));
     assert!(report.note("gone")["text"].to_string().contains("room_1.png"));
     assert_eq!(report.note("back")["frame"], 0);
-}
-
-#[test]
-fn objects_are_copied_and_moved_along_an_axis() {
-    let (folder, display) = (room(), Display::start());
-    let script = "
-        key P
-        settle 1
-        click left 80,75
-        wait 2
-        note ball
-        move 80,20
-        wait 2
-        note room
-        hold Y
-        drag left 80,75 80,45
-        release Y
-        note lifted
-        drag left 80,45 100,50
-        note level
-        hold alt+F9
-        drag left 100,50 100,80
-        release alt+F9
-        note landed
-        key ctrl+Z
-        key ctrl+Z
-        key ctrl+D
-        settle 1
-        note copied
-        save copied.toml
-        key ctrl+Z
-        note undone
-    ";
-    let report = play(&folder, &display, script, "scene.toml");
-    assert_eq!(report.0["errors"], serde_json::json!([]));
-    let under = |word: &str| report.note(word)["under"].as_str().expect("words").to_owned();
-    let command = |word: &str| report.note(word)["command"].as_str().expect("words").to_owned();
-    assert_eq!(command("copied"), "", "what is not in a file cannot be rendered");
-    assert!(under("ball").starts_with("ball: 1."), "{}", under("ball"));
-    assert!(under("room").starts_with("the room: ") && under("room").contains("radiance"), "{}", under("room"));
-    let place = |word: &str, index: usize| vector(&report.note(word)["objects"][index]["translation"]);
-    let (start, lifted) = (place("room", 0), place("lifted", 0));
-    assert!(lifted[1] > start[1] + 0.3, "upwards: {start:?} {lifted:?}");
-    assert!((lifted[0] - start[0]).abs() < 1e-4 && (lifted[2] - start[2]).abs() < 1e-4, "{start:?} {lifted:?}");
-    let (level, landed) = (place("level", 0), place("landed", 0));
-    assert!((level[1] - lifted[1]).abs() < 1e-4 && level[0] > lifted[0] + 0.1, "on its level: {level:?}");
-    assert!((landed[1] + 1.2).abs() < 0.05, "on the floor, at −1.5: {landed:?}");
-    let copied = report.note("copied");
-    assert_eq!((&copied["selected"], &copied["objects"][1]["name"]), (&1.into(), &"ball-2".into()));
-    assert!(place("copied", 1)[0] > lifted[0] + 0.6 && place("copied", 0) == lifted, "beside it: {copied}");
-    assert_eq!(report.note("undone")["objects"].as_array().map(Vec::len), Some(1), "a copy is one step");
-    let saved = fs::read_to_string(folder.path("copied.toml")).expect("saved");
-    assert!(saved.contains("name = \"ball\" # the ball") && saved.contains("name = \"ball-2\""), "{saved}");
-    folder.succeeds("check copied.toml");
 }
 
 #[test]

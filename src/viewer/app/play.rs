@@ -109,6 +109,10 @@ impl App {
                 let (key, value) = pair.split_once('=').unwrap_or((&pair, ""));
                 self.session.sides[side].settings.set(key, value, "--script")?;
             }
+            Step::Material(pair) => {
+                let (key, value) = pair.split_once('=').unwrap_or((&pair, ""));
+                self.session.paint(key, value)?;
+            }
             Step::Save(path) => self.session.save(&path),
             Step::Note(word) => {
                 let size = self.window.as_ref().map_or([0; 2], |shell| shell.window.inner_size().into());
