@@ -285,13 +285,10 @@ impl Editor {
     /// # Errors
     /// Fails if the scene cannot be packed.
     pub fn paint(&mut self, index: usize, by: MaterialOverride) -> Result<()> {
+        // The panel asks in every frame of the window.
+        let Some(painted) = self.now.painted.get(index).filter(|painted| painted.by != by) else { return Ok(()) };
         let mut objects: Vec<Object> = self.now.scene.objects().cloned().collect();
-        let (Some(object), Some(painted)) = (objects.get_mut(index), self.now.painted.get(index)) else {
-            return Ok(());
-        };
-        if painted.by == by {
-            return Ok(());
-        }
+        let Some(object) = objects.get_mut(index) else { return Ok(()) };
         let before = painted.before.clone().unwrap_or_else(|| object.model.clone());
         let mut model = Model::clone(&before);
         by.apply(&mut model.materials, &mut model.textures);
