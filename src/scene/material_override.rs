@@ -1,7 +1,8 @@
 //! What of an object's materials a scene file or a user may set, in one table.
 
 use super::material::{Material, Slot, Texture};
-use glam::Vec3;
+use crate::{Error, Result};
+use glam::{Vec3, vec3};
 
 /// A value of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,6 +104,32 @@ entries! {
 }
 
 impl MaterialOverride {
+    /// Sets a value from text: a number, or three with commas. No text takes it back.
+    ///
+    /// # Errors
+    /// Fails if there is no such key, or if the text is no such value or out of range.
+    pub fn set_text(&mut self, key: &str, text: &str, subject: &str) -> Result<()> {
+        let subject = || format!("{subject} {key}={text}");
+        let entry = Self::ENTRIES.iter().find(|entry| entry.key == key);
+        let keys = || format!("use one of {}", Self::KEYS.join(", "));
+        let entry = entry.ok_or_else(|| Error::input(subject(), "there is no such value", keys()))?;
+        let parts = text.split(',').map(str::trim).filter(|part| !part.is_empty());
+        let numbers: Option<Vec<f32>> = parts.map(|part| part.parse().ok()).collect();
+        let value = match (numbers.as_deref(), (entry.of)(&Material::default())) {
+            (Some([]), _) => None,
+            (Some([number]), Value::Number(_)) => Some(Value::Number(*number)),
+            (Some([r, g, b]), Value::Color(_)) => Some(Value::Color(vec3(*r, *g, *b))),
+            (_, Value::Number(_)) => return Err(Error::input(subject(), "is no number", "write KEY=0.5")),
+            (_, Value::Color(_)) => return Err(Error::input(subject(), "is no colour", "write KEY=1,0,0")),
+        };
+        let [least, most] = entry.range;
+        if !numbers.unwrap_or_default().iter().all(|number| (least..=most).contains(number)) {
+            return Err(Error::input(subject(), "is out of range", format!("give {least} to {most}")));
+        }
+        (entry.set)(self, value);
+        Ok(())
+    }
+
     /// Changes every material of a model.
     pub fn apply(&self, materials: &mut [Material], textures: &mut Vec<Texture>) {
         for material in materials {
@@ -155,6 +182,33 @@ impl MaterialOverride {
                     texture[slot as usize] = None;
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_set_by_text_and_taken_back() {
+        let mut by = MaterialOverride::default();
+        let mut set = |key: &str, text: &str| by.set_text(key, text, "test").map(|()| by.clone());
+        assert_eq!(set("roughness", "0.25").unwrap().roughness, Some(0.25));
+        assert_eq!(set("emissive", "3, 0,1").unwrap().emissive, Some(vec3(3.0, 0.0, 1.0)));
+        assert_eq!(
+            set("roughness", "").unwrap(),
+            MaterialOverride { emissive: Some(vec3(3.0, 0.0, 1.0)), ..Default::default() }
+        );
+        for (key, text, words) in [
+            ("rough", "1", "use one of base_color"),
+            ("roughness", "1,0,0", "is no number"),
+            ("emissive", "1", "is no colour"),
+            ("metallic", "2", "out of range"),
+            ("metallic", "NaN", "out of range"),
+        ] {
+            let error = set(key, text).unwrap_err().to_string();
+            assert!(error.contains(words) && error.starts_with(&format!("test {key}={text}")), "{error}");
         }
     }
 }

@@ -11,12 +11,7 @@ use crate::{
     Error, Result,
     gpu::{Blit, PresentMode, Timings},
     image_file::tonemap::Tonemap,
-    scene::{
-        Object, Scene,
-        camera::Camera,
-        file::RenderSettings,
-        material_override::{MaterialOverride, Value},
-    },
+    scene::{Object, Scene, camera::Camera, file::RenderSettings},
     settings::Method,
     warnings,
 };
@@ -419,8 +414,8 @@ impl Session {
         self.check(added);
     }
 
-    /// Sets a value of the selected object's materials, as a script does: a number, or three with commas; nothing takes it
-    /// back.
+    /// Sets a value of the selected object's materials from text
+    /// ([`set_text`](crate::scene::material_override::MaterialOverride::set_text)).
     ///
     /// # Errors
     /// Fails if there is no such value, or if the scene cannot be packed.
@@ -428,25 +423,8 @@ impl Session {
         let Some((index, editor)) = self.editor.as_mut().and_then(|editor| Some((editor.selected()?, editor))) else {
             return Ok(());
         };
-        let subject = || format!("--script: material {key}={text}");
-        let entry = MaterialOverride::ENTRIES.iter().find(|entry| entry.key == key);
-        let entry = entry.ok_or_else(|| {
-            Error::input(
-                subject(),
-                "there is no such value",
-                format!("use one of {}", MaterialOverride::KEYS.join(", ")),
-            )
-        })?;
-        let numbers: Option<Vec<f32>> =
-            text.split(',').filter(|part| !part.is_empty()).map(|part| part.trim().parse().ok()).collect();
-        let value = match numbers.as_deref() {
-            Some([]) => None,
-            Some([number]) => Some(Value::Number(*number)),
-            Some([r, g, b]) => Some(Value::Color(glam::vec3(*r, *g, *b))),
-            _ => return Err(Error::input(subject(), "is neither a number nor three", "write KEY=0.5 or KEY=1,0,0")),
-        };
         let mut by = editor.painted(index).map(|painted| painted.by.clone()).unwrap_or_default();
-        (entry.set)(&mut by, value);
+        by.set_text(key, text, "--script: material")?;
         editor.begin_step();
         editor.paint(index, by)
     }
