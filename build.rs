@@ -65,7 +65,8 @@ fn build() -> Result<()> {
                 false => format!("({:?}, &{:?}),", shader.name, shader.spirv),
             });
             let sources: String = sources.collect();
-            text += &format!("#[cfg(debug_assertions)]\nstatic SOURCES: &[(&str, &[u32])] = &[{sources}];\n");
+            text +=
+                &format!("#[cfg(debug_assertions)]\npub(crate) static SOURCES: &[(&str, &[u32])] = &[{sources}];\n");
             let pairs: String = here
                 .iter()
                 .filter_map(|shader| {

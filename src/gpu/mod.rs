@@ -24,6 +24,7 @@ mod reflect;
 #[cfg(feature = "viewer")]
 mod screen;
 mod slot;
+mod specialize;
 #[cfg(feature = "viewer")]
 mod swapchain;
 mod ticket;

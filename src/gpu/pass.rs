@@ -13,6 +13,7 @@ use super::{
     device::{Gpu, during, lock},
     layout::{PushLayout, StructLayout},
     reflect::{self, Binding, Shader},
+    specialize::specialized,
 };
 use crate::{Error, Result, shaders};
 
@@ -205,13 +206,7 @@ impl PassData {
                     .stage_flags(vk::ShaderStageFlags::COMPUTE)
             })
             .collect();
-        let map: Vec<_> = specialization
-            .iter()
-            .enumerate()
-            .map(|(i, &(id, _))| vk::SpecializationMapEntry { constant_id: id, offset: 4 * i as u32, size: 4 })
-            .collect();
-        let values: Vec<u32> = specialization.iter().map(|&(_, value)| value).collect();
-        let constants = vk::SpecializationInfo::default().map_entries(&map).data(bytemuck::cast_slice(&values));
+        let spirv = specialized(spirv, specialization);
         // SAFETY: the SPIR-V was parsed, and the layouts are made from it.
         unsafe {
             self.set_layout = device
@@ -229,14 +224,13 @@ impl PassData {
                 .create_pipeline_layout(&info, None)
                 .map_err(during(format!("vkCreatePipelineLayout for {name}")))?;
             let module = device
-                .create_shader_module(&vk::ShaderModuleCreateInfo::default().code(spirv), None)
+                .create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&spirv), None)
                 .map_err(during(format!("vkCreateShaderModule for {name}")))?;
             shared.label(module, name);
             let stage = vk::PipelineShaderStageCreateInfo::default()
                 .stage(vk::ShaderStageFlags::COMPUTE)
                 .module(module)
-                .name(c"main")
-                .specialization_info(&constants);
+                .name(c"main");
             let info = vk::ComputePipelineCreateInfo::default()
                 .flags(vk::PipelineCreateFlags::DISPATCH_BASE) // frames in pieces cut large dispatches
                 .stage(stage)

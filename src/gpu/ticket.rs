@@ -99,7 +99,7 @@ impl Drop for Ticket {
             return;
         }
         if let Err(error) = self.finish() {
-            tracing::error!("a frame that nobody waited for: {error}");
+            tracing::warn!("a frame that nobody waited for: {error}");
         }
     }
 }

@@ -41,10 +41,10 @@ pub fn close(gpu: Gpu) {
     assert!(messages.is_empty(), "{}", messages.join("\n"));
 }
 
-/// Runs a test between [`open`] and [`close`].
+/// Runs a test between [`open`] and [`close`]. A pass that it makes twice is made once.
 pub fn validated(test: impl FnOnce(&Gpu)) {
     let gpu = open();
-    test(&gpu);
+    test(&gpu.keeping_passes());
     close(gpu);
 }
 
