@@ -77,9 +77,13 @@ fn build() -> Result<()> {
         }
         write(&out.join(table), text.as_bytes())?;
     }
-    for entry in read_folder(&out.join("spirv"))? {
-        if shaders.iter().all(|shader| shader.file != entry) {
-            fs::remove_file(&entry).map_err(|error| format!("{}: {error}", entry.display()))?;
+    for entry in read_folder(&cache(&out))? {
+        let named = |file: &Path| {
+            file.file_stem().and_then(|stem| stem.to_str()?.rsplit_once('-')).map(|(name, _)| name.to_owned())
+        };
+        let older = |shader: &Shader| named(&shader.file) == named(&entry) && shader.file != entry;
+        if shaders.iter().any(older) {
+            let _ = fs::remove_file(&entry); // another build may have been faster
         }
     }
     let this = env::current_exe().map_err(|error| error.to_string())?;
@@ -136,7 +140,7 @@ fn compile_all(root: &Path, out: &Path) -> Result<Vec<Shader>> {
             }
         }
     }
-    fs::create_dir_all(out.join("spirv")).map_err(|error| format!("{}: {error}", out.display()))?;
+    fs::create_dir_all(cache(out)).map_err(|error| format!("{}: {error}", out.display()))?;
     let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
@@ -158,14 +162,18 @@ fn compile_all(root: &Path, out: &Path) -> Result<Vec<Shader>> {
     Ok(shaders)
 }
 
+/// The folder of compiled shaders in Cargo's target folder. All profiles and features share it.
+fn cache(out: &Path) -> PathBuf {
+    out.ancestors().nth(4).unwrap_or(out).join("spirv") // out is target/PROFILE/build/NAME/out
+}
+
 /// Takes a shader from the cache, or compiles it.
 fn up_to_date(name: &str, path: &Path, includes: &Path, out: &Path) -> Result<Shader> {
     let mut hasher = DefaultHasher::new();
     hash_text(path, includes, &mut HashSet::new(), &mut hasher)?;
     // another compiler or other options need another file
-    let this = env::current_exe().and_then(fs::metadata).map_err(|error| error.to_string())?;
-    (name, this.len(), this.modified().ok()).hash(&mut hasher);
-    let file = out.join("spirv").join(format!("{}-{:016x}.spv", name.replace('/', "_"), hasher.finish()));
+    (name, include_str!("build.rs"), shaderc::get_spirv_version()).hash(&mut hasher);
+    let file = cache(out).join(format!("{}-{:016x}.spv", name.replace('/', "_"), hasher.finish()));
     let spirv = match fs::read(&file) {
         Ok(bytes) => bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect(),
         Err(_) => {
