@@ -1,16 +1,35 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Pass 1, gbuffer (second dispatch): the fraction M of each pixel that shows the real scene, 0 or 1 except at
-// silhouettes, where the 3×3 neighbourhood holds both kinds of surface. It lists silhouettes, and the tiles
-// that the later passes visit.
-// In: camera_radiance.w (M at the centre), guide. Out: coverage; guide of real surfaces, marked where they
-// are hidden and so not lit; list, tiles.
+// silhouettes, where the 3×3 neighbourhood holds both kinds of surface. It lists silhouettes, the pixels beside
+// which another object or material is seen, and the tiles that the later passes visit.
+// In: camera_radiance.w (M at the centre), guide, hit; materials of the scene. Out: coverage; guide of real
+// surfaces, marked where they are hidden and so not lit; list, tiles.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
 #include "append.glsl"
 #include "guide.glsl"
+#include "scene.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
+
+// What is seen at a pixel's centre: the object, and its material.
+uvec2 shown(uvec4 hit) { return uvec2(hit.x, hit.x != NONE ? in_shading.triangle[hit.y].material : 0u); }
+
+// Says whether a pixel shows one virtual surface, and one beside it another.
+bool inner_edge(ivec2 p) {
+    uvec2 here = shown(imageLoad(in_hit, p));
+    if (here.x == NONE) return false;
+    const ivec2 BESIDE[4] = { ivec2(1, 0), ivec2(-1, 0), ivec2(0, 1), ivec2(0, -1) };
+    bool differs = false;
+    [[unroll]] for (int k = 0; k < 4; k++) {
+        ivec2 q = p + BESIDE[k];
+        if (!neighbour(q)) continue;
+        uvec2 there = shown(imageLoad(in_hit, q));
+        differs = differs || (there.x != NONE && there != here);
+    }
+    return differs;
+}
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
@@ -36,6 +55,6 @@ void main() {
         imageStore(guide, ivec3(p, NOW(REAL)), behind);
     }
     if (inside && hidden) imageStore(out_mask, ivec3(p, REAL), vec4(0.0));
-    append_pixels(bvec2(silhouette, false), p);
+    append_pixels(bvec2(silhouette || (inside && inner_edge(p)), false), p);
     append_tile(real, silhouette || left || (inside && centre == 0.0));
 }

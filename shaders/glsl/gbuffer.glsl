@@ -109,7 +109,7 @@ void write_virtual(ivec2 p, SceneHit met, vec3 d, float opacity) {
     // Relative to where the ray meets the image, so that a surface seen beside the pixel's centre is followed.
     vec4 motion = motion_of(vec2(p) + 0.5, previous, float(in_instances.instance[met.instance].id));
     imageStore(out_motion, ivec3(p, VIRTUAL), motion);
-    imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, s.metallic));
+    imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, 0.0));
     if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
     imageStore(guide, ivec3(p, NOW(VIRTUAL)), guide_pack(s.position, s.normal, s.roughness, guide_object(in_instances.instance[met.instance].id)));
 }

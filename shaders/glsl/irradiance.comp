@@ -46,13 +46,32 @@ struct Seen {
     Lobes lobes;
     vec3 from_eye;
     float own; // its part of what is virtual in the pixel
+    uint instance;
+    bool varied; // other points of the pixel show something else
+    vec3 albedo_ratio; // k_V over that of the pixel
 };
 
 // What a smooth surface reflects: how far from it, 0 if that is not known, and where it was a frame ago, relative to now.
 struct Reflected { float t; vec3 moved; };
 
+// Moves to another point of the pixel, if an object is there: what a smooth, bent surface shows differs from point to
+// point, and at an edge there are several surfaces. `albedo` is the mean k_V, by which composite multiplies.
+void other_point(ivec2 p, uint path, vec3 albedo, inout Seen seen) {
+    vec2 at = vec2(p) + first_numbers(p, 3u, path).xy;
+    vec3 origin = view_origin(at), d = view_direction(at);
+    SceneHit hit = scene_closest(origin, d, 0.0, FAR);
+    if (hit.instance == NONE || (ALPHA != 0u && hit_alpha(hit) <= 0.0)) return;
+    seen.instance = hit.instance;
+    seen.from_eye = d;
+    seen.surface = scene_surface(hit, d, hit.t * pixel_angle());
+    seen.lobes = bsdf_lobes(seen.surface, -d);
+    seen.albedo_ratio = min(seen.lobes.diffuse / max(albedo, 1e-4), 16.0);
+}
+
 // Traces a path from a virtual surface.
 void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3 lambert, inout vec3 rest, inout Reflected reflected) {
+    uint instance = seen.instance;
+    if (seen.varied) other_point(p, path, imageLoad(in_albedo_virtual, p).rgb, seen);
     Surface s = seen.surface;
     Lobes l = seen.lobes;
     vec3 origin = surface_origin(s), numbers = first_numbers(p, uint(VIRTUAL), path);
@@ -63,7 +82,7 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
         choice = min(behind ? (choice - seen.own) / max(1.0 - seen.own, 1e-6) : choice / seen.own, 0.99999994);
     }
     uint lobe = bsdf_choose(l, choice);
-    l.diffuse = vec3(1.0); // composite knows it
+    l.diffuse = seen.albedo_ratio; // composite knows the rest of it
     Aim drawn = aim(origin, origin, s, l, lobe, -seen.from_eye, numbers, random);
     if (behind) {
         drawn.d = seen.from_eye;
@@ -79,7 +98,7 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
     if (factor.x > 0.0 && (largest(ray.weight) > 0.0 || (EMITTERS != 0u && drawn.emitter))) {
         SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, random);
         vec3 weight = factor * mixed_weight(ray, drawn, hit);
-        if (REFLECTIONS != 0u && (lobe == GLOSSY || lobe == COAT) && !behind && !drawn.light && !drawn.emitter) {
+        if (REFLECTIONS != 0u && seen.instance == instance && (lobe == GLOSSY || lobe == COAT) && !behind && !drawn.light && !drawn.emitter) {
             reflected.t = hit.instance != NONE ? hit.t : ray.real.t;
             reflected.moved = hit.instance != NONE ? point_motion(in_instances.instance[hit.instance], origin + ray.d * hit.t) : vec3(0.0);
         }
@@ -106,15 +125,19 @@ void virtual_surface_light(ivec2 p) {
     // the rest, as far as it is virtual: M knows the real part.
     seen.own = 1.0;
     if (ALPHA != 0u && SPECULAR != 0u) seen.own = min(seen.surface.alpha / max(1.0 - imageLoad(in_real_coverage, p).x, 1e-4), 1.0);
+    bool smooth_coat = CLEARCOAT != 0u && seen.surface.clearcoat > 0.0 && seen.surface.clearcoat_roughness < SMOOTH;
+    bool is_smooth = SPECULAR != 0u && (seen.surface.roughness < SMOOTH || smooth_coat);
+    seen.instance = id.x;
+    seen.varied = VIRTUAL_TRACER != SCREEN && (is_smooth || imageLoad(in_albedo_virtual, p).w > 0.0);
+    seen.albedo_ratio = vec3(1.0);
     uint paths = EARLY != 0u ? uint(max(imageLoad(in_mask, ivec3(p, VIRTUAL)).x, 1.0)) : 1u;
     vec3 lambert = vec3(0.0), rest = vec3(0.0);
     Reflected reflected = Reflected(0.0, vec3(0.0));
     if (EARLY == 0u) virtual_path(p, 0u, seen, random, lambert, rest, reflected);
     else for (uint path = 0u; path < paths; path++) virtual_path(p, path, seen, random, lambert, rest, reflected);
     if (REFLECTIONS != 0u) {
-        bool smooth_coat = CLEARCOAT != 0u && seen.surface.clearcoat > 0.0 && seen.surface.clearcoat_roughness < SMOOTH;
         vec4 texel = vec4(0.0);
-        if (seen.surface.roughness < SMOOTH || smooth_coat) {
+        if (is_smooth) {
             if (reflected.t <= 0.0) reflected.t = real_distance(seen.surface.position, reflect(seen.from_eye, seen.surface.normal));
             texel = reflection_motion(vec2(p) + 0.5, seen.surface, SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw)), seen.from_eye, reflected.t, reflected.moved);
         }

@@ -1,7 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Pass 1, gbuffer (third dispatch): M at silhouettes, by rays through points of the pixel. A pixel whose
-// centre is real but whose edge is virtual gets its virtual surface here, from the hit nearest to the centre.
+// Pass 1, gbuffer (last dispatch): pixels that show several surfaces, by rays through points of the pixel: M, and
+// the means of k_V and of what the virtual surfaces emit. A pixel whose centre is real but whose edge is virtual
+// gets its virtual surface here, from the hit nearest to the centre.
 // In: list, camera_radiance.w; panorama, scene. Out: coverage (0…1); position, normal, motion, guide, k_V,
 // emission, hit of virtual surfaces; guide of real ones, marked where nothing of them is seen.
 #include "common.glsl"
@@ -15,6 +16,7 @@
 #include "guide.glsl"
 #define WRITES_VIRTUAL
 #include "gbuffer.glsl"
+#include "reflection.glsl"
 layout(local_size_x = 64) in;
 
 void main() {
@@ -25,6 +27,8 @@ void main() {
     // The offsets are points of the R2 sequence (Roberts 2018).
     uint n = in_view.view.coverage_samples;
     float real_count = 0.0, nearest = FAR;
+    vec3 albedo = vec3(0.0), emitted = vec3(0.0);
+    bool still = true; // what is seen here was here a frame ago
     SceneHit best;
     vec3 best_d;
     for (uint k = 0u; k < n; k++) {
@@ -34,6 +38,13 @@ void main() {
         SceneHit hit = primary_trace(origin, d, FAULT != FAULT_REAL_IGNORED ? real_surface(origin, d).t : FAR, passes);
         real_count += passes;
         if (hit.instance == NONE) continue;
+        Surface s = scene_surface(hit, d, hit.t * pixel_angle());
+        albedo += (1.0 - passes) * bsdf_lobes(s, -d).diffuse;
+        emitted += (ALPHA != 0u ? s.alpha : 1.0) * s.emissive;
+        Instance instance = in_instances.instance[hit.instance];
+        vec3 previous = s.position + point_motion(instance, s.position);
+        vec2 motion = motion_of(vec2(p) + offset, previous, 0.0).xy;
+        still = still && dot(motion, motion) < 1e-3 && (DEFORMATION == 0u || instance.previous == NONE);
         vec2 c = offset - 0.5;
         if (dot(c, c) < nearest) { nearest = dot(c, c); best = hit; best_d = d; }
     }
@@ -48,4 +59,8 @@ void main() {
         imageStore(out_hit, p, uvec4(best.instance, best.triangle, floatBitsToUint(best.barycentric)));
         write_virtual(p, best, best_d, 1.0 - real_count / float(n));
     }
+    float virtual_count = float(n) - real_count;
+    if (virtual_count <= 0.0) return;
+    imageStore(out_albedo_virtual, p, vec4(albedo / virtual_count, float(still)));
+    if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(emitted / virtual_count, vec3(65000.0)), 0.0));
 }

@@ -99,10 +99,10 @@ impl Gbuffer {
             let Some(objects) = &self.objects else { return Ok(()) };
             frame.barrier("coverage reads its neighbours' visibility");
             objects.coverage.dispatch(frame, &[], &pools, &(), all())?;
-            frame.barrier("silhouette reads the list that coverage made");
-            objects.silhouette.dispatch(frame, &[], &pools, &(), view.listed(REAL))?;
-            frame.barrier("surface writes the same images elsewhere");
-            objects.surface.dispatch(frame, &[], &pools, &(), view.listed(VIRTUAL))
+            frame.barrier("surface reads M at the centre");
+            objects.surface.dispatch(frame, &[], &pools, &(), view.listed(VIRTUAL))?;
+            frame.barrier("silhouette goes on with what surface found at the centre");
+            objects.silhouette.dispatch(frame, &[], &pools, &(), view.listed(REAL))
         })
     }
 }

@@ -16,6 +16,8 @@ use iprt::{
         animation::Track,
         camera::{Aim, CameraTrack},
         file::RenderSettings,
+        material::Material,
+        shapes::Shape,
         viewpoint::Projection,
     },
     settings::Method,
@@ -350,5 +352,42 @@ fn a_slow_pass_shows_in_its_own_entry_alone() {
         let (composite, atrous) = composite_share(None);
         let (slow, unchanged) = composite_share(Some(("composite", 400)));
         assert!(slow / unchanged > 5.0 * composite / atrous, "{slow} of {unchanged}, before {composite} of {atrous}");
+    });
+}
+
+/// A mirror ball that shows stripes, and a bright object beside a dark one that shines: each pixel against the mean of
+/// the sixteen pixels of a picture four times as fine.
+#[test]
+fn a_pixel_is_the_mean_of_what_lies_in_it() {
+    validated(|gpu| {
+        let stripes = |d: Vec3| Vec3::splat(if (24.0 * d.x).sin() * (26.0 * d.y).sin() > 0.0 { 1.2 } else { 0.05 });
+        let bar = |albedo: f32, shines: f32, x: f32| {
+            let material = Material { emissive: Vec3::splat(shines), ..lambert(albedo) };
+            let at = vec3(x, 0.02 * x, -1.2 - 0.01 * x);
+            object(Shape::Box.mesh(vec3(0.06, 0.5, 0.06)), material, at)
+        };
+        let bars =
+            (0..6).map(|k| if k % 2 == 0 { bar(0.9, 0.0, 0.061 * k as f32) } else { bar(0.02, 1.0, 0.061 * k as f32) });
+        let things = std::iter::once(ball(0.25, metal(0.0), vec3(-0.35, 0.0, -1.2))).chain(bars).collect();
+        let room = room([256, 128], vec3(4.0, 3.0, 5.0), Vec3::ZERO, stripes);
+        let scene = scene(room, camera(Vec3::ZERO, Vec3::NEG_Z, 40.0), things);
+        let size = [32, 24];
+        let picture = |fine: u32, frames: u32| {
+            let options =
+                RenderOptions { size: size.map(|s| s * fine), ..options(Method::Reference, &[("bounces", "1")]) };
+            let renderer = rendered(gpu, &scene, options, frames);
+            (aov(&renderer, "radiance"), aov(&renderer, "real_coverage"))
+        };
+        let ((coarse, real), (fine, _)) = (picture(1, 384), picture(4, 48));
+        let (mut error, mut sum) = (0.0, 0.0);
+        for (i, pixel) in coarse.iter().enumerate().filter(|(i, _)| real[*i][0] == 0.0) {
+            let (x, y) = (i as u32 % size[0] * 4, i as u32 / size[0] * 4);
+            let within = (0..16).map(|k| fine[((y + k / 4) * size[0] * 4 + x + k % 4) as usize][1]);
+            let mean = within.sum::<f32>() / 16.0;
+            error += (pixel[1] - mean).abs();
+            sum += mean;
+        }
+        println!("mean error {:.4}", error / sum);
+        assert!(error < 0.05 * sum, "{}", error / sum);
     });
 }

@@ -19,7 +19,7 @@ layout(set = 0, binding = 37, rgba32ui) uniform uimage2DArray guide;
 // L_cam; w: how much of the pixel's centre is real, 0 or 1 where nothing is half transparent.
 layout(set = 0, binding = 39, rgba32f) uniform readonly image2D in_camera_radiance;
 layout(set = 0, binding = 40, rgba32f) uniform image2D camera_radiance;
-// Albedo k_V of the Lambert lobe under the GGX lobe; w metallic.
+// Albedo k_V of the Lambert lobe under the GGX lobe, the pixel's mean; w 1 where it holds several surfaces that stand still.
 layout(set = 0, binding = 41, rgba16f) uniform readonly image2D in_albedo_virtual;
 layout(set = 0, binding = 42, rgba16f) uniform writeonly image2D out_albedo_virtual;
 // Radiance that the virtual surface emits.
