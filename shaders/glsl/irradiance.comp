@@ -5,7 +5,8 @@
 // E_R from the same random numbers (W/m² up to the capture's scale). Virtual surfaces get E of the
 // Lambert lobe and the radiance of all others. Rays see real surfaces relit, and virtual ones by paths of up
 // to `bounces` vertices.
-// In: list, or what aim left of it; position, normal, hit, real_coverage; panorama, scene, relit panorama. Out: irradiance (E_R and ΔE | E
+// In: list, or what aim left of it; position, normal, hit, real_coverage, albedo_virtual; panorama, scene, relit
+// panorama. Out: irradiance (E_R and ΔE | E
 // and the rest).
 #include "irradiance.glsl"
 #include "reflection.glsl"

@@ -388,6 +388,6 @@ fn a_pixel_is_the_mean_of_what_lies_in_it() {
             sum += mean;
         }
         println!("mean error {:.4}", error / sum);
-        assert!(error < 0.05 * sum, "{}", error / sum);
+        assert!(error < 0.05 * sum, "{}", error / sum); // 0.32 if paths start at the centre alone
     });
 }
