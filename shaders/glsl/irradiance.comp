@@ -6,8 +6,7 @@
 // Lambert lobe and the radiance of all others. Rays see real surfaces relit, and virtual ones by paths of up
 // to `bounces` vertices.
 // In: list, or what aim left of it; position, normal, hit, real_coverage, albedo_virtual; panorama, scene, relit
-// panorama. Out: irradiance (E_R and ΔE | E
-// and the rest).
+// panorama. Out: irradiance (E_R and ΔE | E and the rest).
 #include "irradiance.glsl"
 #include "reflection.glsl"
 layout(local_size_x = 64) in;

@@ -1,7 +1,7 @@
 //! Fixes the specialization constants of a shader, and leaves out the blocks that they rule out.
 //!
-//! Drivers do the same, but read, check and inline all blocks before they do: a module of megabytes of which a twelfth is left took
-//! most of the time in which a renderer starts.
+//! Drivers do the same, but read, check and inline all blocks before they do: modules of megabytes, of which a twelfth is
+//! left, took most of the time in which a renderer starts.
 
 use std::{
     collections::{HashMap, HashSet},
