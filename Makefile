@@ -2,6 +2,8 @@
 
 # How shaderc is linked; looked up when used, so after setup.
 SHADERC = $(shell scripts/shaderc-flags)
+# Where cargo leaves the program.
+IPRT = $(or $(CARGO_TARGET_DIR),target)/release/iprt
 # cargo-nextest where it is installed.
 RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" || echo test)
 
@@ -9,18 +11,18 @@ RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" |
 
 demo: build
 	mkdir -p out
-	target/release/iprt render -o out/demo.png --timings 8
+	$(IPRT) render -o out/demo.png --timings 8
 
 # docs/results.md: every method in every room. Interrupted, it goes on where it was.
 ROOM = $(wildcard $(IPRT_DATA)/rooms/room/scene.toml)
 SIZE = 320x180
 results: build
-	target/release/iprt chart apartment bedroom gallery $(ROOM) -o out/results-$(SIZE) --sweep methods \
+	$(IPRT) chart apartment bedroom gallery $(ROOM) -o out/results-$(SIZE) --sweep methods \
 		--size $(SIZE) --looks 1,16,64 --truth-spp 512 --rounds 3 --markdown docs/results.md
 
 # A small chart of the settings, made within ten minutes on two cores.
 chart: build
-	target/release/iprt chart apartment -o out/chart --sweep small --markdown docs/results.md
+	$(IPRT) chart apartment -o out/chart --sweep small --markdown docs/results.md
 
 build: setup
 	cargo build --release --locked $(SHADERC)

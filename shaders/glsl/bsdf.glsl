@@ -215,6 +215,17 @@ float dielectric_fresnel(float cosine, float eta) {
     return 0.5 * (s * s + p * p);
 }
 
+// The colour of a path that a solid has parted from the others: 0 to 2, or WHITE.
+const uint WHITE = 3u;
+uint path_color = WHITE;
+
+// Returns a solid's relative index of refraction for the path's colour (KHR_materials_dispersion).
+float dispersed_eta(Surface s) {
+    float ior = s.inside ? s.eta : 1.0 / s.eta;
+    ior += (ior - 1.0) * s.dispersion * (float(path_color) - 1.0);
+    return s.inside ? ior : 1.0 / ior;
+}
+
 // Draws a direction of what is transmitted, and its weight. A thin sheet lets the reflected lobe out on its other
 // side. A solid's boundary reflects or refracts at each of its facets; a direction that its own facets would block
 // is mirrored to the side where it belongs, so that nothing is lost between them.
@@ -232,9 +243,16 @@ vec3 through_sample(Surface s, Lobes l, vec3 to_eye, vec3 u, out vec3 weight) {
         float cosine = clamp(dot(o, h), 0.0, 1.0);
         reflected = u.z < dielectric_fresnel(cosine, s.eta);
         if (!reflected) {
+            if (s.dispersion > 0.0 && path_color == WHITE) {
+                float f = dielectric_fresnel(cosine, s.eta); // what u.z has told already
+                path_color = min(uint(3.0 * (u.z - f) / max(1.0 - f, 1e-6)), 2u);
+                weight *= 3.0 * vec3(equal(uvec3(path_color), uvec3(0u, 1u, 2u)));
+            }
+            if (path_color != WHITE) s.eta = dispersed_eta(s);
             d = refract(-o, h, s.eta);
+            if (d == vec3(0.0)) { d = reflect(-o, h); reflected = true; }
             // Light passes two boundaries of a solid of this colour.
-            weight *= sqrt(s.base_color);
+            else weight *= sqrt(s.base_color);
         }
     } else if (alpha < MIRROR_ALPHA) d = -o;
     d.z = reflected ? abs(d.z) : -abs(d.z);

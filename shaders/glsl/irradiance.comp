@@ -71,6 +71,7 @@ void other_point(ivec2 p, uint path, vec3 albedo, inout Seen seen) {
 // Traces a path from a virtual surface.
 void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3 lambert, inout vec3 rest, inout Reflected reflected) {
     uint instance = seen.instance;
+    path_color = WHITE;
     if (seen.varied) other_point(p, path, imageLoad(in_albedo_virtual, p).rgb, seen);
     Surface s = seen.surface;
     Lobes l = seen.lobes;

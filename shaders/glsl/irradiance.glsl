@@ -283,7 +283,10 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
         Lobes l = bsdf_lobes(s, to_eye);
         uint lobe = bsdf_choose(l, random_next(random));
         // A straight line leaves a solid as it came in; what is refracted does, too, but at another angle.
-        if (TRANSMISSION != 0u && wide) s.eta = min(s.eta, 1.0 / s.eta);
+        if (TRANSMISSION != 0u && wide) {
+            s.eta = min(s.eta, 1.0 / s.eta);
+            s.dispersion = 0.0;
+        }
         origin = surface_origin(s);
         if (PUNCTUAL != 0u) sum += throughput * punctual(origin, origin, s, l, lobe, to_eye, random) / bsdf_probability(l, lobe);
         vec3 numbers = vec3(random_next2(random), random_next(random));

@@ -29,6 +29,7 @@ struct Surface {
     bool inside;     // the ray came from behind
     float eta;       // index of refraction before the surface, relative to that behind it
     vec3 extinction; // 1/m
+    float dispersion; // of the index of refraction between the colours' ends, as a share of it less 1
     float clearcoat;
     float clearcoat_roughness;
     vec3 clearcoat_normal;
@@ -134,7 +135,7 @@ SceneHit scene_closest(vec3 origin, vec3 d, float t_min, float t_max) {
 
 const uint TEXTURES_MOVED = 1u << 31u; // in TEXTURES
 
-// --- textures: RGBA8 in a buffer, bilinear between texels and nearest between mip levels ---
+// --- textures: RGBA8 in a buffer, trilinear, with several probes along a footprint that is longer than wide ---
 
 int wrap_index(int i, int size, uint mode) {
     if (mode == 2u) return clamp(i, 0, size - 1);
@@ -155,34 +156,53 @@ vec4 texture_texel(Texture tex, uint offset, ivec2 size, ivec2 p) {
     return c;
 }
 
-// Where a hit lies on textures: in the vertices' two sets of coordinates, each with the width of the ray's
-// footprint there.
-struct Texcoords { vec2 uv; float footprint; vec2 uv2; float footprint2; };
+// Where a hit lies on textures: in the vertices' two sets of coordinates, each with the axes of the ellipse that
+// the ray's footprint is there (columns: along the ray, and across it).
+struct Texcoords { vec2 uv; mat2 axes; vec2 uv2; mat2 axes2; };
 
+const uint MOST_PROBES = 8u; // along the footprint
+
+// Returns the mean of a texture over a hit's footprint: probes along its longer axis, each trilinear and as wide
+// as the shorter one (as anisotropic samplers do).
 vec4 texture_sample(uint index, Texcoords at) {
     Texture tex = in_textures.entry[index];
     vec2 uv = at.uv;
-    float footprint = at.footprint;
+    mat2 axes = at.axes;
     if ((TEXTURES & TEXTURES_MOVED) != 0u) {
-        if (tex.set != 0u) { uv = at.uv2; footprint = at.footprint2; }
+        if (tex.set != 0u) { uv = at.uv2; axes = at.axes2; }
         uv = vec2(dot(tex.transform[0], vec3(uv, 1.0)), dot(tex.transform[1], vec3(uv, 1.0)));
-        footprint *= sqrt(abs(tex.transform[0].x * tex.transform[1].y - tex.transform[0].y * tex.transform[1].x));
+        axes = transpose(mat2(tex.transform[0].xy, tex.transform[1].xy)) * axes;
     }
-    float level = floor(0.5 + log2(max(1.0, footprint * float(max(tex.width, tex.height)))));
-    uint l = min(uint(level), tex.levels - 1u);
+    vec2 whole = vec2(tex.width, tex.height);
+    float one = length(axes[0] * whole), other = length(axes[1] * whole); // texels
+    vec2 line = one > other ? axes[0] : axes[1];
+    float wide = max(1.0, min(one, other)), far = max(one, other);
+    uint probes = uint(clamp(ceil(far / wide), 1.0, float(MOST_PROBES)));
+    float level = min(log2(max(1.0, far / float(probes))), float(tex.levels - 1u));
+    uint l = uint(level);
+    float between = level - float(l);
     uint offset = tex.offset;
     for (uint k = 0u; k < l; k++) offset += max(1u, tex.width >> k) * max(1u, tex.height >> k);
-    ivec2 size = ivec2(max(1u, tex.width >> l), max(1u, tex.height >> l));
-    // uv far from the origin lose their fraction, so they are wrapped first.
-    uv = vec2(tex.wrap_u == 0u ? fract(uv.x) : uv.x, tex.wrap_v == 0u ? fract(uv.y) : uv.y);
-    uv = clamp(uv, vec2(-1e4), vec2(1e4));
-    vec2 p = uv * vec2(size) - 0.5;
-    if (tex.nearest != 0u && l == 0u) return texture_texel(tex, offset, size, ivec2(floor(p + 0.5)));
-    ivec2 i = ivec2(floor(p));
-    vec2 f = p - vec2(i);
-    vec4 a = mix(texture_texel(tex, offset, size, i), texture_texel(tex, offset, size, i + ivec2(1, 0)), f.x);
-    vec4 b = mix(texture_texel(tex, offset, size, i + ivec2(0, 1)), texture_texel(tex, offset, size, i + ivec2(1, 1)), f.x);
-    return mix(a, b, f.y);
+    // A level that has no weight is not read.
+    uint levels = between > 0.0 ? 2u : 1u;
+    vec4 sum = vec4(0.0);
+    for (uint k = 0u; k < probes * levels; k++) {
+        bool coarser = k >= probes;
+        uint probe = coarser ? k - probes : k, of = coarser ? l + 1u : l;
+        ivec2 size = ivec2(max(1u, tex.width >> of), max(1u, tex.height >> of));
+        vec2 q = uv + line * ((float(probe) + 0.5) / float(probes) - 0.5);
+        // uv far from the origin lose their fraction, so they are wrapped first.
+        q = vec2(tex.wrap_u == 0u ? fract(q.x) : q.x, tex.wrap_v == 0u ? fract(q.y) : q.y);
+        q = clamp(q, vec2(-1e4), vec2(1e4)) * vec2(size) - 0.5;
+        ivec2 i = ivec2(floor(q));
+        vec2 f = q - vec2(i);
+        if (tex.nearest != 0u && of == 0u) f = floor(f + 0.5);
+        uint first = coarser ? offset + max(1u, tex.width >> l) * max(1u, tex.height >> l) : offset;
+        vec4 a = mix(texture_texel(tex, first, size, i), texture_texel(tex, first, size, i + ivec2(1, 0)), f.x);
+        vec4 b = mix(texture_texel(tex, first, size, i + ivec2(0, 1)), texture_texel(tex, first, size, i + ivec2(1, 1)), f.x);
+        sum += (coarser ? between : 1.0 - between) * mix(a, b, f.y);
+    }
+    return sum / float(probes);
 }
 
 // Says whether material m has a texture in a slot, and reads it.
@@ -204,7 +224,7 @@ float hit_alpha(SceneHit hit) {
     vec3 b = vec3(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
     float alpha = m.alpha * dot(vec3(v0.color >> 24u, v1.color >> 24u, v2.color >> 24u), b) / 255.0;
     if (TEXTURED(SLOT_BASE_COLOR)) {
-        Texcoords at = Texcoords(v0.uv * b.x + v1.uv * b.y + v2.uv * b.z, 0.0, v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z, 0.0);
+        Texcoords at = Texcoords(v0.uv * b.x + v1.uv * b.y + v2.uv * b.z, mat2(0.0), v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z, mat2(0.0));
         alpha *= TEXEL(SLOT_BASE_COLOR).a;
     }
     return (m.flags & MASKED) != 0u ? float(alpha >= m.alpha_cutoff) : clamp(alpha, 0.0, 1.0);
@@ -297,17 +317,22 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     normal = dot(normal, normal) > 0.0 ? normalize(normal) : s.geometric;
     vec3 smooth_normal = normal;
 
+    // The footprint of a cone around the ray is an ellipse on the triangle. The axes are in its edges first.
     Texcoords at;
     at.uv = v0.uv * b.x + v1.uv * b.y + v2.uv * b.z;
-    vec3 w1 = transform_direction(instance.object_to_world, tri.e1), w2 = transform_direction(instance.object_to_world, tri.e2);
-    vec2 u1 = v1.uv - v0.uv, u2 = v2.uv - v0.uv;
-    float area = max(1e-20, length(cross(w1, w2)));
-    at.footprint = width * sqrt(abs(u1.x * u2.y - u1.y * u2.x) / area);
-    if ((TEXTURES & TEXTURES_MOVED) != 0u) {
-        at.uv2 = v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z;
-        u1 = v1.uv2 - v0.uv2;
-        u2 = v2.uv2 - v0.uv2;
-        at.footprint2 = width * sqrt(abs(u1.x * u2.y - u1.y * u2.x) / area);
+    at.uv2 = v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z;
+    if (TEXTURES != 0u) {
+        vec3 w1 = transform_direction(instance.object_to_world, tri.e1), w2 = transform_direction(instance.object_to_world, tri.e2);
+        vec3 n = cross(w1, w2);
+        float facing = abs(dot(s.geometric, d));
+        vec3 across = cross(s.geometric, d);
+        across = facing < 0.9999 ? normalize(across) : basis(s.geometric)[0];
+        vec3 along = cross(across, s.geometric) * (width / max(facing, 1e-2));
+        across *= width;
+        float scale = 1.0 / max(dot(n, n), 1e-30);
+        mat2 edges = scale * mat2(dot(cross(along, w2), n), dot(cross(w1, along), n), dot(cross(across, w2), n), dot(cross(w1, across), n));
+        at.axes = mat2(v1.uv - v0.uv, v2.uv - v0.uv) * edges;
+        at.axes2 = mat2(v1.uv2 - v0.uv2, v2.uv2 - v0.uv2) * edges;
     }
 
     vec3 t = vec3(0.0);
@@ -366,6 +391,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
         float ior = max(m.ior, 1.0);
         s.eta = s.inside ? ior : 1.0 / ior;
         s.extinction = m.extinction;
+        s.dispersion = 0.025 * m.dispersion;
     }
     if (CLEARCOAT != 0u) {
         s.clearcoat = m.clearcoat;

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     Result,
     image_file::write::write_bytes,
-    measure::{bench, rays},
+    measure::{bench, growth, rays},
     passes,
     renderer::{Renderer, Wishes},
 };
@@ -45,6 +45,10 @@ pub struct Args {
     /// How often --rays traces each kind of ray at each size
     #[arg(long, value_name = "N", requires = "rays", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
+    /// Measure instead how a frame's cost grows with pixels, triangles, texels and objects: balls in the scene's
+    /// panorama, which all move
+    #[arg(long, conflicts_with_all = ["rays", "frames", "warmup", "csv", "trace", "target_ms", "target_flip"])]
+    pub growth: bool,
     #[command(flatten)]
     pub json: JsonFileArgs,
     /// Write the passes as CSV
@@ -59,6 +63,9 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<()> {
     if args.rays {
         return run_rays(args);
+    }
+    if args.growth {
+        return run_growth(args);
     }
     let [first, last] = parse_frames(&args.frames)?;
     args.target.target()?;
@@ -101,6 +108,22 @@ fn run_rays(args: &Args) -> Result<()> {
     let settings = args.picture.options(&scene, false)?.settings;
     let bar = progress(args.picture.quiet, sizes.len() as u64 * u64::from(args.repetitions), "measuring");
     let report = rays::run(&gpu, &scene, &settings, &sizes, args.repetitions, || bar.inc(1))?;
+    bar.finish_and_clear();
+    if !json.is_printed() {
+        super::print_lines(report.table().trim_end());
+    }
+    json.write(&report)?;
+    args.picture.device.close(gpu)
+}
+
+fn run_growth(args: &Args) -> Result<()> {
+    let json = JsonArgs::from(args.json.clone());
+    json.require()?;
+    let gpu = args.picture.device.open()?;
+    let scene = args.picture.scene(&gpu)?;
+    let options = args.picture.options(&scene, false)?;
+    let bar = progress(args.picture.quiet, growth::steps() as u64, "measuring");
+    let report = growth::run(&gpu, &scene, &options, || bar.inc(1))?;
     bar.finish_and_clear();
     if !json.is_printed() {
         super::print_lines(report.table().trim_end());

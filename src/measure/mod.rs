@@ -4,6 +4,7 @@ pub mod bench;
 pub mod chart;
 pub mod choice;
 pub mod clock;
+pub mod growth;
 pub mod metrics;
 pub mod motion;
 pub mod rays;

@@ -224,7 +224,7 @@ impl RaysReport {
 /// Resamples the frame's depth to another size, with black radiance. Inverse depth is linear in direction on
 /// planes, so it is interpolated between texels that belong together. At an edge the nearest texel is taken,
 /// so that no edge is smeared.
-fn resample(frame: &PanoramaFrame, size: [u32; 2]) -> Result<PanoramaFrame> {
+pub(super) fn resample(frame: &PanoramaFrame, size: [u32; 2]) -> Result<PanoramaFrame> {
     let [width, height] = frame.depth_size;
     if size.contains(&0) || size.iter().any(|n| *n > 1 << 15) {
         let problem = format!("a depth map cannot be {}×{}", size[0], size[1]);

@@ -39,7 +39,8 @@ pub(super) fn color(image: ColorImage) -> ColorImage {
     }
 }
 
-fn means(texels: &[[f32; 4]], from: [u32; 2], to: [u32; 2]) -> Vec<[f32; 4]> {
+/// Returns a picture of another size, in which each texel is the mean of what it covers.
+pub fn means(texels: &[[f32; 4]], from: [u32; 2], to: [u32; 2]) -> Vec<[f32; 4]> {
     // What a texel covers along an axis, with the share of the first and the last.
     let span = |at: u32, axis: usize| {
         let step = f64::from(from[axis]) / f64::from(to[axis]);

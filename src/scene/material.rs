@@ -151,6 +151,8 @@ material! {
     attenuation_color: Vec3 = Vec3::ONE,
     /// Metres.
     attenuation_distance: f32 = f32::INFINITY,
+    /// KHR_materials_dispersion: how far a solid's index of refraction spreads over the colours, 20 / Abbe number.
+    dispersion: f32 = 0.0,
     /// KHR_materials_clearcoat: how much of a clear coat of F0 = 0.04 covers it, 0..1.
     clearcoat: f32 = 0.0,
     /// 0..1, perceptual.
@@ -252,6 +254,7 @@ impl Material {
             alpha_cutoff,
             transmission: self.transmission,
             extinction: self.attenuation_color.map(extinction),
+            dispersion: self.dispersion,
             clearcoat: self.clearcoat,
             clearcoat_roughness: self.clearcoat_roughness,
             clearcoat_normal_scale: self.clearcoat_normal_scale,

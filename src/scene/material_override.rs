@@ -94,6 +94,7 @@ entries! {
     thickness: f32 = |m: &Material| m.thickness, [0.0, ANY], "0: a thin sheet, else a solid";
     attenuation_color: Vec3 = |m: &Material| m.attenuation_color, [0.0, 1.0], "what is left of white after the attenuation distance";
     attenuation_distance: f32 = |m: &Material| m.attenuation_distance, [0.0, ANY], "metres in a solid";
+    dispersion: f32 = |m: &Material| m.dispersion, [0.0, ANY], "how far a solid parts the colours, 20 / Abbe number";
     clearcoat: f32 = |m: &Material| m.clearcoat, [0.0, 1.0], "how much clear coat is on it";
     clearcoat_roughness: f32 = |m: &Material| m.clearcoat_roughness, [0.0, 1.0], "of the clear coat";
     sheen_color: Vec3 = |m: &Material| m.sheen_color, [0.0, 1.0], "of fibres on it";
@@ -153,6 +154,7 @@ impl MaterialOverride {
             material.roughness = self.roughness.unwrap_or(material.roughness);
             material.ior = self.ior.unwrap_or(material.ior);
             material.thickness = self.thickness.unwrap_or(material.thickness);
+            material.dispersion = self.dispersion.unwrap_or(material.dispersion);
             material.attenuation_color = self.attenuation_color.unwrap_or(material.attenuation_color);
             let distance = self.attenuation_distance.filter(|distance| *distance > 0.0);
             material.attenuation_distance = distance.unwrap_or(material.attenuation_distance);

@@ -90,6 +90,7 @@ gpu_struct! {
         pub transmission: f32,
         /// What a solid takes of light on a metre: exp(−extinction).
         pub extinction: Vec3,
+        pub dispersion: f32,
         pub clearcoat: f32, pub clearcoat_roughness: f32, pub clearcoat_normal_scale: f32,
         pub sheen_color: Vec3, pub sheen_roughness: f32,
         pub anisotropy: f32,

@@ -25,7 +25,7 @@ impl Shape {
     /// Makes the mesh, with material 0 on every triangle. `size` must be positive (a plane's y is not used).
     pub fn mesh(self, size: Vec3) -> Mesh {
         let mut mesh = match self {
-            Self::Sphere => lathe(&circle_profile(32), 64, size),
+            Self::Sphere => return sphere(32, size),
             Self::Box => cuboid(size),
             Self::Plane => plane(size),
             Self::Cylinder => lathe(&cylinder_profile(), 64, size),
@@ -34,6 +34,14 @@ impl Shape {
         mesh.materials = vec![0; mesh.triangles.len()];
         mesh
     }
+}
+
+/// Makes a sphere of `rings` × 2 `rings` quads, smooth, with material 0 on every triangle.
+pub fn sphere(rings: u32, size: Vec3) -> Mesh {
+    let mut mesh = lathe(&circle_profile(rings), 2 * rings, size);
+    mesh.name = Shape::NAMES[Shape::Sphere as usize].to_owned();
+    mesh.materials = vec![0; mesh.triangles.len()];
+    mesh
 }
 
 /// A point of a profile that is turned about Y: radius, height, normal (radial, up), v.

@@ -1,7 +1,7 @@
 //! Virtual surfaces that are not all there: what is seen through them, their shadows, and glass.
 
 use crate::common::*;
-use glam::{Vec3, vec3};
+use glam::{Vec3, vec2, vec3};
 use iprt::{
     gpu::Gpu,
     scene::{
@@ -79,5 +79,74 @@ fn glass_colours_what_is_behind_it_and_its_shadow() {
         // An opaque pane's shadow is darker than that of clear glass.
         let (_, opaque, _) = shown(gpu, vec![pane(lambert(0.5))]);
         assert!(opaque[1] < 0.95 * floor[1], "{opaque:?} and {floor:?}");
+    });
+}
+
+/// A ball of glass that parts the colours, before a sky that is brighter above: in each pixel the difference between
+/// red and blue, against what Snell's law gives for the two indices of refraction.
+#[test]
+fn glass_parts_the_colours_as_its_dispersion_says() {
+    const RADIUS: f32 = 0.5;
+    let centre = vec3(0.0, 0.0, -2.0);
+    let sky = |d: Vec3| 0.5 + 0.4 * d.y;
+    let fresnel = |cosine: f32, eta: f32| -> f32 {
+        let behind = 1.0 - eta * eta * (1.0 - cosine * cosine);
+        let behind = behind.max(0.0).sqrt();
+        let [s, p] = [(eta * cosine, behind), (cosine, eta * behind)].map(|(a, b)| ((a - b) / (a + b)).powi(2));
+        0.5 * (s + p)
+    };
+    // What reaches the eye by refraction, with what is reflected within the ball up to eight times.
+    let through = |d: Vec3, ior: f32| -> Option<f32> {
+        let middle = d.dot(centre);
+        let root = middle * middle - centre.length_squared() + RADIUS * RADIUS;
+        let mut x = (root > 0.0).then(|| d * (middle - root.sqrt()))?;
+        let normal = (x - centre) / RADIUS;
+        if -d.dot(normal) < 0.6 {
+            return None; // near the rim a pixel holds too much
+        }
+        let (mut within, mut share) =
+            (d.refract(normal, 1.0 / ior).normalize(), 1.0 - fresnel(-d.dot(normal), 1.0 / 1.5));
+        let mut sum = 0.0;
+        for _ in 0..8 {
+            x -= within * 2.0 * within.dot(x - centre);
+            let inward = (centre - x).normalize();
+            let reflected = fresnel(-within.dot(inward), 1.5);
+            sum += share * (1.0 - reflected) * sky(within.refract(inward, ior));
+            share *= reflected;
+            within = within.reflect(inward).normalize();
+        }
+        Some(sum)
+    };
+    validated(|gpu| {
+        let far = room([256, 128], Vec3::splat(400.0), Vec3::ZERO, |d| Vec3::splat(sky(d)));
+        let slope = |dispersion: f32| {
+            let glass = Material {
+                transmission: 1.0,
+                thickness: 1.0,
+                ior: 1.5,
+                dispersion,
+                ..Material::plain("glass", Vec3::ONE, 0.0)
+            };
+            let look = camera(Vec3::ZERO, centre, 34.0);
+            let scene = scene(far.clone(), look.clone(), vec![fine_ball(RADIUS, glass, centre)]);
+            let renderer = rendered(gpu, &scene, converged(Method::Iprt, &[("bounces", "2")]), 256);
+            let picture = aov(&renderer, "radiance");
+            let (mut both, mut square) = (0.0, 0.0);
+            for (i, texel) in picture.iter().enumerate() {
+                let (x, y) = (i as u32 % SIZE[0], i as u32 / SIZE[0]);
+                let d = pixel_direction(&look, 0.0, SIZE, vec2(x as f32 + 0.5, y as f32 + 0.5));
+                // ± half the spread of KHR_materials_dispersion: 0.025 (n − 1) · 4
+                let ends = [1.45, 1.55].map(|ior| through(d, ior));
+                let [Some(red), Some(blue)] = ends else { continue };
+                let expected = red - blue;
+                both += expected * (texel[0] - texel[2]);
+                square += expected * expected;
+            }
+            both / square
+        };
+        let (none, all) = (slope(0.0), slope(4.0));
+        println!("{none:.3} without, {all:.3} with dispersion 4");
+        assert!(none.abs() < 0.02, "{none}");
+        assert!((all - 1.0).abs() < 0.1, "{all}");
     });
 }

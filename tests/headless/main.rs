@@ -51,6 +51,7 @@ mod stereo;
 mod stored;
 mod target;
 mod terminal;
+mod textures;
 mod tracer;
 mod truth;
 mod truth_cli;

@@ -356,26 +356,31 @@ fn a_slow_pass_shows_in_its_own_entry_alone() {
 }
 
 /// A mirror ball that shows stripes, and a bright object beside a dark one that shines: each pixel against the mean of
-/// the sixteen pixels of a picture four times as fine.
+/// the sixteen pixels of a picture four times as fine. All of it has moved, and stands still since.
 #[test]
 fn a_pixel_is_the_mean_of_what_lies_in_it() {
     validated(|gpu| {
+        let moved = |object, at: Vec3| moving(object, at + vec3(0.0, 0.1, 0.0), at);
         let stripes = |d: Vec3| Vec3::splat(if (24.0 * d.x).sin() * (26.0 * d.y).sin() > 0.0 { 1.2 } else { 0.05 });
         let bar = |albedo: f32, shines: f32, x: f32| {
             let material = Material { emissive: Vec3::splat(shines), ..lambert(albedo) };
             let at = vec3(x, 0.02 * x, -1.2 - 0.01 * x);
-            object(Shape::Box.mesh(vec3(0.06, 0.5, 0.06)), material, at)
+            moved(object(Shape::Box.mesh(vec3(0.06, 0.5, 0.06)), material, at), at)
         };
         let bars =
             (0..6).map(|k| if k % 2 == 0 { bar(0.9, 0.0, 0.061 * k as f32) } else { bar(0.02, 1.0, 0.061 * k as f32) });
-        let things = std::iter::once(ball(0.25, metal(0.0), vec3(-0.35, 0.0, -1.2))).chain(bars).collect();
+        let at = vec3(-0.35, 0.0, -1.2);
+        let things = std::iter::once(moved(ball(0.25, metal(0.0), at), at)).chain(bars).collect();
         let room = room([256, 128], vec3(4.0, 3.0, 5.0), Vec3::ZERO, stripes);
         let scene = scene(room, camera(Vec3::ZERO, Vec3::NEG_Z, 40.0), things);
         let size = [32, 24];
-        let picture = |fine: u32, frames: u32| {
+        let picture = |fine: u32, frames: usize| {
             let options =
                 RenderOptions { size: size.map(|s| s * fine), ..options(Method::Reference, &[("bounces", "1")]) };
-            let renderer = rendered(gpu, &scene, options, frames);
+            let mut renderer = Renderer::new(gpu, &scene, options).expect("fits");
+            for time in [0.5, 0.9].into_iter().chain(std::iter::repeat_n(1.0, frames)) {
+                renderer.render(&scene, time).expect("renders");
+            }
             (aov(&renderer, "radiance"), aov(&renderer, "real_coverage"))
         };
         let ((coarse, real), (fine, _)) = (picture(1, 384), picture(4, 48));

@@ -33,7 +33,7 @@ struct Material {
     uint flags;
     float alpha; float alpha_cutoff;
     float transmission;
-    vec3 extinction;
+    vec3 extinction; float dispersion;
     float clearcoat; float clearcoat_roughness; float clearcoat_normal_scale;
     vec3 sheen_color; float sheen_roughness;
     float anisotropy;

@@ -217,6 +217,8 @@ impl Writer {
                 "attenuationDistance": distance.is_finite().then_some(distance),
             });
             extension(source.thickness > 0.0, "KHR_materials_volume", content);
+            let content = json!({ "dispersion": source.dispersion });
+            extension(source.dispersion > 0.0, "KHR_materials_dispersion", content);
             let content = json!({
                 "clearcoatFactor": source.clearcoat,
                 "clearcoatTexture": info(Slot::Clearcoat),

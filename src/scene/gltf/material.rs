@@ -104,6 +104,7 @@ impl Materials {
                 0.0 => f32::INFINITY,
                 distance => distance,
             },
+            dispersion: factors.length(extension("dispersion"), "dispersion", 0.0),
             clearcoat: factors.part(coat, "clearcoatFactor", 0.0),
             clearcoat_roughness: factors.part(coat, "clearcoatRoughnessFactor", 0.0),
             clearcoat_normal_scale: coat.get("clearcoatNormalTexture").number("scale").unwrap_or(1.0),
@@ -118,9 +119,6 @@ impl Materials {
             textures,
         };
         material.emissive = material.emissive.min(Vec3::splat(f32::MAX));
-        if extension("dispersion").number("dispersion").is_some_and(|x| x > 0.0) {
-            file.unsupported(&user, "KHR_materials_dispersion", "all colours are refracted alike");
-        }
         if glossy.exists() {
             self.specular_glossiness(&factors, glossy, &mut material, model);
         }
