@@ -16,7 +16,7 @@ use iprt::{
     reference::capture::{CaptureSettings, room_frames},
     renderer::Renderer,
     scene::{
-        Object, Scene,
+        Scene,
         animation::Track,
         file::RenderSettings,
         rooms::{NAMES, Video, by_name},
