@@ -24,7 +24,7 @@ const FOLDERS: [&str; 2] = ["shaders/glsl", "tests/glsl"];
 
 /// One compiled shader.
 struct Shader {
-    /// Its path from the root, without `.comp`. Ends in [`FAULTS`] if its planted faults are compiled in.
+    /// Its path from the root, without `.comp`, and the marks of what else is compiled in: [`RAY_QUERY`], then [`FAULTS`].
     name: String,
     /// The file of its SPIR-V in the cache.
     file: PathBuf,
@@ -33,6 +33,9 @@ struct Shader {
 
 /// Marks a shader that has planted faults. Only the feature `faults` has such shaders.
 const FAULTS: &str = "+faults";
+/// Marks a shader that makes ray queries. Each shader whose own text asks for `RAY_QUERY` is compiled without and with it,
+/// because a device without ray queries must not be given a module that has them.
+const RAY_QUERY: &str = "+ray_query";
 
 fn main() -> ExitCode {
     let arguments: Vec<_> = env::args_os().skip(1).map(PathBuf::from).collect();
@@ -122,6 +125,7 @@ fn constant(shader: &Shader) -> String {
     format!("/// SPIR-V of `{}`.\npub const {name}: &[u32] = &[{words}];\n", shader.name)
 }
 
+/// The name of a shader's constant.
 fn capitals(name: &str) -> String {
     name.rsplit('/').next().unwrap_or_default().replace('+', "_").to_uppercase()
 }
@@ -134,9 +138,12 @@ fn compile_all(root: &Path, out: &Path) -> Result<Vec<Shader>> {
         for path in read_folder(&root.join(folder))?.into_iter().filter(|p| p.extension().is_some_and(|e| e == "comp"))
         {
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-            wanted.push((format!("{folder}/{stem}"), path.clone()));
-            if faults && folder == FOLDERS[0] {
-                wanted.push((format!("{folder}/{stem}{FAULTS}"), path));
+            let queries = read(&path)?.contains("#ifdef RAY_QUERY");
+            for mark in [Some(""), queries.then_some(RAY_QUERY)].into_iter().flatten() {
+                wanted.push((format!("{folder}/{stem}{mark}"), path.clone()));
+                if faults && folder == FOLDERS[0] {
+                    wanted.push((format!("{folder}/{stem}{mark}{FAULTS}"), path.clone()));
+                }
             }
         }
     }
@@ -177,7 +184,7 @@ fn up_to_date(name: &str, path: &Path, includes: &Path, out: &Path) -> Result<Sh
     let spirv = match fs::read(&file) {
         Ok(bytes) => bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect(),
         Err(_) => {
-            let spirv = compile(path, includes, name.ends_with(FAULTS))?;
+            let spirv = compile(path, includes, name)?;
             let bytes: Vec<u8> = spirv.iter().flat_map(|word| word.to_le_bytes()).collect();
             write(&file, &bytes)?;
             spirv
@@ -203,15 +210,15 @@ fn hash_text(path: &Path, includes: &Path, seen: &mut HashSet<PathBuf>, hasher: 
     Ok(())
 }
 
-fn compile(path: &Path, includes: &Path, faults: bool) -> Result<Vec<u32>> {
+fn compile(path: &Path, includes: &Path, name: &str) -> Result<Vec<u32>> {
     let compiler = shaderc::Compiler::new().map_err(|error| error.to_string())?;
     let mut options = shaderc::CompileOptions::new().map_err(|error| error.to_string())?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     options.set_optimization_level(shaderc::OptimizationLevel::Performance);
     options.set_generate_debug_info(); // keeps the names of bindings and members, by which bindings are matched
     options.set_warnings_as_errors();
-    if faults {
-        options.add_macro_definition("FAULTS", None);
+    for mark in [FAULTS, RAY_QUERY].into_iter().filter(|mark| name.contains(mark)) {
+        options.add_macro_definition(&capitals(mark)[1..], None); // without the +, which capitals makes _
     }
     options.set_include_callback(|name, _, _, _| {
         let path = includes.join(name);

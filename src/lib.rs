@@ -57,6 +57,8 @@
 //!    [`passes::temporal`], [`passes::atrous`].
 //! 4. [`passes::composite`].
 //!
+//! If rays meet objects by ray queries, [`passes::acceleration`] comes before all of these.
+//!
 //! Any image of it can be read back by name: [`renderer::Renderer::aov`].
 //!
 //! ```no_run

@@ -2,6 +2,7 @@
 
 pub mod aov;
 mod construction;
+pub use construction::require_ray_queries;
 pub mod cost;
 mod interactive;
 pub mod mattes;
@@ -191,15 +192,16 @@ impl Renderer {
         Ok(begun)
     }
 
-    /// Uploads what the device must know for this frame.
-    fn upload(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
+    /// Uploads what the device must know for this frame, and builds what ray queries search.
+    fn upload(&mut self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         frame.scope(UPLOAD, |frame| {
             if let Some(content) = &state.content {
                 self.panorama.upload(frame, content)?;
             }
             self.scene.upload(frame, &state.packed, &state.instances, &state.movers, self.plan.facts.luminance)?;
             self.upload_views(frame, state)
-        })
+        })?;
+        self.scene.accelerate(frame, &state.instances)
     }
 
     /// Runs once per video frame. Derives what comes from the panorama alone.

@@ -41,6 +41,7 @@ choices! {
     VirtualTracer {
         Bvh = "bvh": "all triangles, by a two-level BVH",
         Screen = "screen": "what the picture shows of them, by walking its depth (McGuire and Mara 2014)",
+        RayQuery = "ray_query": "all triangles, by the device's ray queries (`VK_KHR_ray_query`), where it has them",
     }
     /// What draws the directions of rays.
     Directions {
@@ -281,7 +282,7 @@ settings! {
         real_tracer: RealTracer = [RealTracer::Surface, RealTracer::Surface, RealTracer::Direction, RealTracer::Surface], ANY, "", "how rays meet the real scene";
         least_share: f32 = [0.125, 1.0, 1.0, 1.0], [0.01, 1.0], "of the rays", "rays from real surfaces that meet no object are traced by at least this share, and all of them where objects changed the light by 4 % or more; what is not traced is made up for by weights";
         march_steps: u32 = [32, 32, 32, 32], [2.0, 4096.0], "", "`real_tracer = march`: places at equal angles along a ray";
-        virtual_tracer: VirtualTracer = [VirtualTracer::Bvh, VirtualTracer::Screen, VirtualTracer::Bvh, VirtualTracer::Bvh], ANY, "", "how the picture's rays meet virtual objects; the relit map's rays use the BVH";
+        virtual_tracer: VirtualTracer = [VirtualTracer::Bvh, VirtualTracer::Screen, VirtualTracer::Bvh, VirtualTracer::Bvh], ANY, "", "how rays meet virtual objects; with `screen`, primary rays and the relit map's use the BVH";
         screen_thickness: f32 = [0.1, 0.1, 0.1, 0.1], [0.0, f64::INFINITY], "metres", "`virtual_tracer = screen`: how thick objects are taken to be behind what is seen";
         screen_stride: f32 = [1.0, 1.0, 1.0, 1.0], [1.0, 64.0], "pixels", "`virtual_tracer = screen`: length of a step";
         screen_jitter: f32 = [1.0, 1.0, 1.0, 1.0], [0.0, 1.0], "steps", "`virtual_tracer = screen`: random part of the first step";

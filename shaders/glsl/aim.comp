@@ -1,5 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#ifdef RAY_QUERY
+#extension GL_EXT_ray_query : require
+#endif
 // Pass 3, irradiance (first dispatch): of the traced real surfaces, lists those whose rays meet an object, and of
 // the others as many as traced_share says.
 // In: list, position, normal, motion, guide; light of the last frame; panorama, scene. Out: aimed; irradiance of

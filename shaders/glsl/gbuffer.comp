@@ -1,5 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#ifdef RAY_QUERY
+#extension GL_EXT_ray_query : require
+#endif
 // Pass 1, gbuffer: primary visibility of panorama and objects at each pixel's centre (IPRT §2,
 // "preprocessing"). If no object is inserted, it writes L_cam alone. For a map of irradiance it writes real
 // surfaces alone.

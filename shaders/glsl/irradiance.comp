@@ -1,5 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#ifdef RAY_QUERY
+#extension GL_EXT_ray_query : require
+#endif
 // Pass 3, irradiance: one path per traced surface (IPRT eq. 1, N = 1), or several from
 // virtual ones that are new. Real surfaces get E_R, and ΔE = E_RV −
 // E_R from the same random numbers (W/m² up to the capture's scale). Virtual surfaces get E of the

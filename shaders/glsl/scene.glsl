@@ -1,4 +1,4 @@
-// The virtual objects: two-level BVH, materials, textures.
+// The virtual objects: how rays meet them (by a two-level BVH, or by ray queries), materials, textures.
 
 
 #include "bind/scene.glsl"
@@ -54,6 +54,38 @@ TriangleGeometry triangle_geometry(uint triangle) {
         uintBitsToFloat(imageLoad(in_triangles, table_texel(triangle * 3u + 1u)).xyz),
         uintBitsToFloat(imageLoad(in_triangles, table_texel(triangle * 3u + 2u)).xyz));
 }
+
+#ifdef RAY_QUERY // virtual_tracer = ray_query
+
+// Finds the closest virtual surface along a ray in (t_min, t_max), be it there or a hole.
+SceneHit scene_closest(vec3 origin, vec3 d, float t_min, float t_max) {
+    SceneHit hit = SceneHit(FAR, NONE, NONE, vec2(0.0));
+    // Devices differ in whether what is at t_min itself is met.
+    float after = t_min * 1.000001;
+    if (!(after < t_max)) return hit;
+    rayQueryEXT query;
+    rayQueryInitializeEXT(query, in_acceleration, gl_RayFlagsOpaqueEXT, 0xffu, origin, after, d, t_max);
+    while (rayQueryProceedEXT(query)) {}
+    if (rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionTriangleEXT) {
+        hit.t = rayQueryGetIntersectionTEXT(query, true);
+        hit.instance = rayQueryGetIntersectionInstanceIdEXT(query, true);
+        // An instance's own index is the first triangle of its mesh.
+        hit.triangle = rayQueryGetIntersectionInstanceCustomIndexEXT(query, true) + rayQueryGetIntersectionPrimitiveIndexEXT(query, true);
+        hit.barycentric = rayQueryGetIntersectionBarycentricsEXT(query, true);
+    }
+    return hit;
+}
+
+// Says whether a ray meets any virtual surface before t_max, be it there or a hole.
+bool scene_meets(vec3 origin, vec3 d, float t_max) {
+    if (!(t_max > 0.0)) return false;
+    rayQueryEXT query;
+    rayQueryInitializeEXT(query, in_acceleration, gl_RayFlagsOpaqueEXT | gl_RayFlagsTerminateOnFirstHitEXT, 0xffu, origin, 0.0, d, t_max);
+    while (rayQueryProceedEXT(query)) {}
+    return rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
+}
+
+#else
 
 bool box_met(uvec4 least, uvec4 greatest, vec3 inverse, vec3 shift, float t_max) {
     vec3 a = uintBitsToFloat(least.xyz) * inverse + shift, b = uintBitsToFloat(greatest.xyz) * inverse + shift;
@@ -131,6 +163,8 @@ SceneHit scene_closest(vec3 origin, vec3 d, float t_min, float t_max) {
     if (hit.instance == NONE) hit.t = FAR;
     return hit;
 }
+
+#endif
 
 const uint TEXTURES_MOVED = 1u << 31u; // in TEXTURES
 

@@ -1,5 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#ifdef RAY_QUERY
+#extension GL_EXT_ray_query : require
+#endif
 // Pass 1, gbuffer (last dispatch): pixels that show several surfaces, by rays through points of the pixel: M, and
 // the means of k_V and of what the virtual surfaces emit. A pixel whose centre is real but whose edge is virtual
 // gets its virtual surface here, from the hit nearest to the centre.

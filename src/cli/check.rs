@@ -9,8 +9,11 @@ use crate::{
     Error, Result,
     inspect::{self, Report, sheet, video::VideoReport},
     media,
+    options::RenderOptions,
     panorama::cloud::Cloud,
-    scene::{load::Examined, rooms},
+    renderer::require_ray_queries,
+    scene::{Scene, load::Examined, rooms},
+    settings::VirtualTracer,
     warnings,
 };
 use std::path::{Path, PathBuf};
@@ -47,6 +50,7 @@ pub fn run(args: &Args) -> Result<()> {
         return check_video(args);
     }
     let mut examined = examine(args)?;
+    examined.problems.extend(examined.scene.as_ref().and_then(|scene| lacks_ray_queries(args, scene).err()));
     let mut found = std::mem::take(&mut examined.warnings);
     if let (Some(scene), Some(frame)) = (&examined.scene, &examined.first) {
         let cloud = Cloud::of(frame, scene.panorama.yaw_degrees);
@@ -92,6 +96,18 @@ fn check_video(args: &Args) -> Result<()> {
     }
     args.json.write(&report)?;
     super::forbid_warnings(args.strict && !report.warnings.is_empty(), &args.scene)
+}
+
+/// Asks the device if the scene's settings ask for ray queries.
+fn lacks_ray_queries(args: &Args, scene: &Scene) -> Result<()> {
+    // what is wrong with the options themselves is found elsewhere
+    let asked = RenderOptions::of(scene).is_ok_and(|o| o.settings.virtual_tracer == VirtualTracer::RayQuery);
+    if !asked {
+        return Ok(());
+    }
+    let gpu = args.device.open()?;
+    require_ray_queries(&gpu)?;
+    args.device.close(gpu)
 }
 
 fn examine(args: &Args) -> Result<Examined> {

@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_char};
 use ash::vk;
 use serde::Serialize;
 
-use super::validation;
+use super::{acceleration, validation};
 use crate::{Error, Result};
 
 /// One physical device.
@@ -35,6 +35,8 @@ pub(super) struct FoundAdapter {
     pub timestamp_bits: u32,
     pub extended_formats: bool,
     pub draws: bool,
+    /// What it lacks for ray queries.
+    pub lacks_for_ray_queries: Vec<String>,
 }
 
 /// Every physical device, usable or not.
@@ -95,6 +97,7 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
         );
         let mut driver = format!("driver {:#x}", plain.driver_version);
         let mut extended_formats = false;
+        let mut lacks_for_ray_queries = vec!["Vulkan 1.3".to_owned()];
         if version < vk::API_VERSION_1_3 {
             problems.push(format!("it implements Vulkan {api_version} and 1.3 is needed"));
         } else {
@@ -109,6 +112,7 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
             let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
             instance.get_physical_device_features2(handle, &mut features);
             extended_formats = features.features.shader_storage_image_extended_formats == vk::TRUE;
+            lacks_for_ray_queries = acceleration::lacking(instance, handle);
             let ballots = vk::SubgroupFeatureFlags::BASIC | vk::SubgroupFeatureFlags::BALLOT;
             if !subgroups.supported_operations.contains(ballots)
                 || !subgroups.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
@@ -147,6 +151,7 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
             queue_family: family.unwrap_or(0) as u32,
             timestamp_bits: family.map_or(0, |i| families[i].timestamp_valid_bits),
             extended_formats,
+            lacks_for_ray_queries,
             draws: family.is_some_and(|i| families[i].queue_flags.contains(vk::QueueFlags::GRAPHICS)),
             adapter: Adapter {
                 index,

@@ -1,6 +1,7 @@
 //! What bindings are given, and whether it fits them.
 
 use super::{
+    acceleration::Acceleration,
     device::Gpu,
     memory::{Buffer, Image},
     pass::Pass,
@@ -13,6 +14,8 @@ pub enum Bind {
     Buffer(Buffer),
     /// An image and the level to bind. `None` binds level 0 for stores and all levels for sampling.
     Image(Image, Option<u32>),
+    /// What ray queries search.
+    Acceleration(Acceleration),
 }
 
 impl From<&Buffer> for Bind {
@@ -24,6 +27,12 @@ impl From<&Buffer> for Bind {
 impl From<&Image> for Bind {
     fn from(image: &Image) -> Self {
         Self::Image(image.clone(), None)
+    }
+}
+
+impl From<&Acceleration> for Bind {
+    fn from(acceleration: &Acceleration) -> Self {
+        Self::Acceleration(acceleration.clone())
     }
 }
 
@@ -61,7 +70,7 @@ pub(super) fn order(pass: &Pass, binds: &[(&str, Bind)], gpu: &Gpu) -> std::resu
 fn fits(slot: &Binding, bind: &Bind, gpu: &Gpu) -> std::result::Result<(), String> {
     let name = &slot.name;
     match (slot.kind, bind) {
-        (Kind::StorageBuffer, Bind::Buffer(_)) => Ok(()),
+        (Kind::StorageBuffer, Bind::Buffer(_)) | (Kind::Acceleration, Bind::Acceleration(_)) => Ok(()),
         (Kind::UniformBuffer, Bind::Buffer(buffer)) => {
             let most = u64::from(gpu.0.limits.max_uniform_buffer_range);
             if buffer.bytes() > most {
@@ -86,7 +95,8 @@ fn fits(slot: &Binding, bind: &Bind, gpu: &Gpu) -> std::result::Result<(), Strin
                 _ => Ok(()),
             }
         }
-        (Kind::StorageBuffer | Kind::UniformBuffer, Bind::Image(..)) => Err(format!("{name} takes a buffer")),
-        (_, Bind::Buffer(_)) => Err(format!("{name} takes an image")),
+        (Kind::StorageBuffer | Kind::UniformBuffer, _) => Err(format!("{name} takes a buffer")),
+        (Kind::StorageImage { .. } | Kind::Sampled { .. }, _) => Err(format!("{name} takes an image")),
+        (Kind::Acceleration, _) => Err(format!("{name} takes an acceleration structure")),
     }
 }

@@ -4,6 +4,7 @@
 use ash::vk;
 
 use super::{
+    acceleration::Acceleration,
     bind::Bind,
     frame::FrameOptions,
     hazard::{Access, Resource, Tracker},
@@ -47,6 +48,13 @@ pub(super) enum Action {
         from: Buffer,
         to: Buffer,
     },
+    /// Builds a structure of `count` items, from `first` on.
+    Build {
+        structure: Acceleration,
+        items: Buffer,
+        range: [u32; 2],
+        scratch: Buffer,
+    },
 }
 
 #[derive(Clone)]
@@ -66,12 +74,14 @@ impl Action {
             Self::Dispatch { pass, .. } => pass.name().to_owned(),
             Self::Fill { buffer, .. } => format!("fill {}", buffer.name()),
             Self::CopyBuffer { from, to } => format!("copy {} to {}", from.name(), to.name()),
+            Self::Build { structure, .. } => format!("build {}", structure.name()),
         }
     }
 
     fn accesses(&self) -> Vec<(Resource, &str, Access)> {
         let buffer = |b: &Buffer| Resource { id: b.id(), level: 0 };
         let image = |i: &Image, level| Resource { id: i.id(), level };
+        let structure = |a: &Acceleration| Resource { id: a.id(), level: 0 };
         match self {
             Self::Fill { buffer: b, .. } | Self::Write { to: Destination::Buffer { buffer: b, .. }, .. } => {
                 vec![(buffer(b), b.name(), Access::Write)]
@@ -82,11 +92,25 @@ impl Action {
             Self::CopyBuffer { from, to } => {
                 vec![(buffer(from), from.name(), Access::Read), (buffer(to), to.name(), Access::Write)]
             }
+            Self::Build { structure: built, items, scratch, .. } => {
+                let mut all = vec![
+                    (buffer(items), items.name(), Access::Read),
+                    (buffer(scratch), scratch.name(), Access::ReadWrite),
+                    (structure(built), built.name(), Access::Write),
+                ];
+                all.extend(built.places().iter().map(|below| (structure(below), below.name(), Access::Read)));
+                all
+            }
             Self::Dispatch { pass, binds, groups, .. } => {
                 let mut all = Vec::new();
                 for (slot, bind) in pass.0.slots.iter().zip(binds) {
                     match bind {
                         Bind::Buffer(b) => all.push((buffer(b), b.name(), slot.access)),
+                        // Queries go on into the structures that are placed.
+                        Bind::Acceleration(a) => {
+                            let both = std::iter::once(a).chain(a.places());
+                            all.extend(both.map(|a| (structure(a), a.name(), slot.access)));
+                        }
                         Bind::Image(i, level) => {
                             let levels = match (level, slot.kind) {
                                 (Some(level), _) => *level..*level + 1,

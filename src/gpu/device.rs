@@ -14,6 +14,7 @@ use ash::vk::{self, Handle};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, vulkan as memory};
 
 use super::{
+    acceleration::{self, Builder},
     adapter,
     memory::Format,
     pass::{Making, PassData, PassKey},
@@ -45,6 +46,9 @@ pub(super) struct Shared {
     pub debug: Option<ash::ext::debug_utils::Device>,
     pub limits: vk::PhysicalDeviceLimits,
     pub max_buffer_bytes: u64,
+    /// Present if the device has ray queries.
+    pub builder: Option<Builder>,
+    pub lacks_for_ray_queries: Vec<String>,
     pub clock: Clock,
     pub samplers: [vk::Sampler; 2], // linear, nearest
     pub pipeline_cache: PipelineCache,
@@ -213,16 +217,29 @@ fn open(
             .queue_priorities(&priorities)];
         let features =
             vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(chosen.extended_formats);
-        let mut v12 = vk::PhysicalDeviceVulkan12Features::default().scalar_block_layout(true).host_query_reset(true);
+        let ray_queries = chosen.lacks_for_ray_queries.is_empty();
+        let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
+            .scalar_block_layout(true)
+            .host_query_reset(true)
+            .buffer_device_address(ray_queries);
         let mut v13 = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
         v13 = v13.dynamic_rendering(windows); // every Vulkan 1.3 device has it
-        let extensions = [ash::khr::swapchain::NAME.as_ptr()];
-        let info = vk::DeviceCreateInfo::default()
-            .enabled_extension_names(&extensions[..usize::from(windows)])
+        let (mut structures, mut queries) = (
+            vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true),
+            vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true),
+        );
+        let mut extensions = Vec::new();
+        extensions.extend(windows.then(|| ash::khr::swapchain::NAME.as_ptr()));
+        extensions.extend(acceleration::EXTENSIONS.iter().filter(|_| ray_queries).map(|name| name.as_ptr()));
+        let mut info = vk::DeviceCreateInfo::default()
+            .enabled_extension_names(&extensions)
             .queue_create_infos(&queues)
             .enabled_features(&features)
             .push_next(&mut v12)
             .push_next(&mut v13);
+        if ray_queries {
+            info = info.push_next(&mut structures).push_next(&mut queries);
+        }
         let device = instance
             .create_device(chosen.handle, &info, None)
             .map_err(|result| unfit(&chosen.adapter.name, &format!("vkCreateDevice: {result:?}")))?;
@@ -231,7 +248,7 @@ fn open(
             device: device.clone(),
             physical_device: chosen.handle,
             debug_settings: AllocatorDebugSettings::default(),
-            buffer_device_address: false,
+            buffer_device_address: ray_queries,
             allocation_sizes: AllocationSizes::new(16 << 20, 16 << 20).with_max_device_memblock_size(256 << 20),
         });
         let allocator = match allocator {
@@ -332,6 +349,9 @@ impl Parts {
             });
             (limits, features, self.device.get_device_queue(self.chosen.queue_family, 0))
         };
+        // SAFETY: the device belongs to this physical device, and was created with the extensions if it has them.
+        let builder = || unsafe { Builder::new(&instance, handle, &self.device) };
+        let builder = self.chosen.lacks_for_ray_queries.is_empty().then(builder);
         let mut storage = features.map(|f| f.contains(vk::FormatFeatureFlags::STORAGE_IMAGE));
         for extended in [Format::Rg16f, Format::Rg32f] {
             storage[extended as usize] &= self.chosen.extended_formats;
@@ -340,6 +360,8 @@ impl Parts {
             clock: Clock { valid_bits: self.chosen.timestamp_bits, period_ns: limits.timestamp_period },
             limits,
             max_buffer_bytes: v13.max_buffer_size,
+            builder,
+            lacks_for_ray_queries: self.chosen.lacks_for_ray_queries,
             linear_filter: features.map(|f| f.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)),
             storage,
             device: self.device,

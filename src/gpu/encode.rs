@@ -34,11 +34,13 @@ pub(super) fn barrier(
 }
 
 /// The stages of everything that a frame records.
-const FRAME_STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
-    vk::PipelineStageFlags2::COMPUTE_SHADER.as_raw()
-        | vk::PipelineStageFlags2::DRAW_INDIRECT.as_raw()
-        | vk::PipelineStageFlags2::ALL_TRANSFER.as_raw(),
-);
+fn frame_stages(shared: &Shared) -> vk::PipelineStageFlags2 {
+    let all = vk::PipelineStageFlags2::COMPUTE_SHADER
+        | vk::PipelineStageFlags2::DRAW_INDIRECT
+        | vk::PipelineStageFlags2::ALL_TRANSFER;
+    // a device without such structures does not know their stage
+    if shared.builder.is_some() { all | vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR } else { all }
+}
 
 pub(super) fn whole_image() -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange::default()
@@ -145,7 +147,8 @@ pub(super) fn record(shared: &Shared, slot: &mut Slot, commands: &[Command]) -> 
         match command {
             Command::Barrier(why) => {
                 insert_label(shared, slot.commands, why);
-                barrier(&shared.device, slot.commands, FRAME_STAGES, FRAME_STAGES);
+                let stages = frame_stages(shared);
+                barrier(&shared.device, slot.commands, stages, stages);
             }
             Command::Run { action, .. } => {
                 begin_label(shared, slot.commands, &action.label());
@@ -192,6 +195,7 @@ fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
                 let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: from.bytes() };
                 device.cmd_copy_buffer(commands, from.handle(), to.handle(), &[region]);
             }
+            Action::Build { structure, items, range, scratch } => structure.record(commands, items, *range, scratch),
             Action::Dispatch { pass, binds, push, groups } => {
                 let pass = &pass.0;
                 let layouts = [pass.set_layout];
@@ -214,6 +218,13 @@ fn perform(shared: &Shared, slot: &Slot, action: &Action) -> Result<()> {
                         Bind::Image(image, level) => {
                             let info = [image_info(shared, slot.kind, image, *level)];
                             device.update_descriptor_sets(&[write.image_info(&info)], &[]);
+                        }
+                        Bind::Acceleration(acceleration) => {
+                            let handles = [acceleration.handle()];
+                            let mut info = vk::WriteDescriptorSetAccelerationStructureKHR::default()
+                                .acceleration_structures(&handles);
+                            let write = write.descriptor_count(1).push_next(&mut info);
+                            device.update_descriptor_sets(&[write], &[]);
                         }
                     }
                 }
@@ -246,7 +257,7 @@ fn image_info(shared: &Shared, kind: Kind, image: &Image, level: Option<u32>) ->
             info.image_view(image.view(level, array)).sampler(shared.samplers[usize::from(!linear)])
         }
         Kind::StorageImage { array, .. } => info.image_view(image.view(Some(level.unwrap_or(0)), array)),
-        Kind::StorageBuffer | Kind::UniformBuffer => info,
+        Kind::StorageBuffer | Kind::UniformBuffer | Kind::Acceleration => info,
     }
 }
 

@@ -8,6 +8,7 @@ use std::sync::{
 use bytemuck::Pod;
 
 use super::{
+    acceleration::Acceleration,
     bind::{Bind, order},
     command::{Action, Command, Destination, Groups, cut, needed},
     device::Gpu,
@@ -231,6 +232,19 @@ impl Frame {
             return Err(Error::Internal(format!("{from:?} does not fit {to:?}")));
         }
         self.record(Action::CopyBuffer { from: from.clone(), to: to.clone() });
+        Ok(())
+    }
+
+    /// Builds a structure of items of a buffer (`range`: the first, and how many): triangles of three corners of three `f32`, or
+    /// [`Placed`](super::Placed) structures. What it held before is gone.
+    ///
+    /// # Errors
+    /// Fails with [`Error::Internal`] if the buffer has not these items, if they are too many for the structure, or if
+    /// the scratch buffer is too small.
+    pub fn build(&mut self, structure: &Acceleration, items: &Buffer, range: [u32; 2], scratch: &Buffer) -> Result<()> {
+        structure.check(items, range, scratch).map_err(Error::Internal)?;
+        let (structure, items, scratch) = (structure.clone(), items.clone(), scratch.clone());
+        self.record(Action::Build { structure, items, range, scratch });
         Ok(())
     }
 

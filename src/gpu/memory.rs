@@ -98,6 +98,13 @@ impl Buffer {
     pub(super) fn id(&self) -> u64 {
         self.0.id
     }
+
+    /// Where it is on the device. It was made by [`Gpu::addressed`].
+    pub(super) fn address(&self) -> u64 {
+        let info = vk::BufferDeviceAddressInfo::default().buffer(self.0.handle);
+        // SAFETY: the buffer is alive and has an address.
+        unsafe { self.0.gpu.0.device.get_buffer_device_address(&info) }
+    }
 }
 
 impl fmt::Debug for Buffer {
@@ -277,19 +284,28 @@ impl Gpu {
     /// # Errors
     /// Fails with [`Error::Input`] if the size exceeds the device's limits or memory.
     pub fn buffer(&self, name: &str, bytes: u64) -> Result<Buffer> {
+        let limit = u64::from(self.0.limits.max_storage_buffer_range).min(self.0.max_buffer_bytes);
+        let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER;
+        self.buffer_within(limit, name, bytes, usage)
+    }
+
+    /// Makes a zeroed buffer that is found by its address, and never bound.
+    pub(super) fn addressed(&self, name: &str, bytes: u64, usage: vk::BufferUsageFlags) -> Result<Buffer> {
+        self.buffer_within(self.0.max_buffer_bytes, name, bytes, usage | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS)
+    }
+
+    fn buffer_within(&self, limit: u64, name: &str, bytes: u64, usage: vk::BufferUsageFlags) -> Result<Buffer> {
         let shared = &self.0;
         let bytes = if bytes == 0 { 16 } else { bytes.next_multiple_of(4) };
-        let limit = u64::from(shared.limits.max_storage_buffer_range).min(shared.max_buffer_bytes);
         if bytes > limit {
             return Err(Error::input(
                 name,
-                format!("it takes {bytes} bytes and this device binds at most {limit}"),
+                format!("it takes {bytes} bytes and this device allows at most {limit}"),
                 "use a smaller scene or image, or another device",
             ));
         }
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::UNIFORM_BUFFER
-            | vk::BufferUsageFlags::INDIRECT_BUFFER
+        let usage = usage
+            | vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
         let (handle, allocation) = raw_buffer(shared, name, bytes, usage, MemoryLocation::GpuOnly)?;

@@ -2,11 +2,13 @@
 //!
 //! * [`Gpu`] is one device with one queue. It makes everything below and outlives it.
 //! * [`Buffer`] and [`Image`] are memory on the device. Images stay in the layout `GENERAL`.
+//! * [`Acceleration`] is what ray queries search, on devices that have them.
 //! * [`Pass`] is one compute shader. Its [`PassDeclaration`] is checked against the SPIR-V when it is made.
 //! * [`Frame`] records dispatches, transfers and barriers, finds missing and needless barriers, and submits.
 //! * [`Ticket`] is a frame that was submitted. Waiting for it gives its [`Timings`].
 //! * `Screen` is a window that shows finished pictures with panels over them. It needs the feature `viewer`.
 
+mod acceleration;
 pub mod adapter;
 mod bind;
 mod command;
@@ -32,6 +34,7 @@ mod timing;
 mod transfer;
 pub mod validation;
 
+pub use acceleration::{Acceleration, Placed};
 pub use bind::Bind;
 pub use device::{Gpu, GpuOptions, left_running};
 pub use frame::{Frame, FrameOptions, Pieces, Threads};

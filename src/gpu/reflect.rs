@@ -30,6 +30,8 @@ pub enum Kind {
     StorageImage { format: Format, array: bool },
     /// An image that is sampled.
     Sampled { array: bool, integer: bool },
+    /// What ray queries search.
+    Acceleration,
 }
 
 impl Kind {
@@ -39,6 +41,7 @@ impl Kind {
             Self::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
             Self::StorageImage { .. } => vk::DescriptorType::STORAGE_IMAGE,
             Self::Sampled { .. } => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+            Self::Acceleration => vk::DescriptorType::ACCELERATION_STRUCTURE_KHR,
         }
     }
 }
@@ -301,6 +304,7 @@ impl<'a> Shader<'a> {
         match (variable.class, self.opcode(variable.ty)) {
             (StorageClass::StorageBuffer, Op::TypeStruct) => Ok((Kind::StorageBuffer, access)),
             (StorageClass::Uniform, Op::TypeStruct) => Ok((Kind::UniformBuffer, Access::Read)),
+            (StorageClass::UniformConstant, Op::TypeAccelerationStructureKHR) => Ok((Kind::Acceleration, Access::Read)),
             (StorageClass::UniformConstant, Op::TypeImage) => {
                 let (Some(array), Some(format)) = (self.flat_image(variable.ty), self.operand(variable.ty, 6)) else {
                     return unknown();

@@ -15,11 +15,12 @@ use crate::Result;
 pub(super) const TIMEOUT_NS: u64 = 600_000_000_000;
 
 /// The kinds of descriptors, in the order in which a [`Slot`] counts them.
-pub(super) const KINDS: [vk::DescriptorType; 4] = [
+pub(super) const KINDS: [vk::DescriptorType; 5] = [
     vk::DescriptorType::STORAGE_BUFFER,
     vk::DescriptorType::UNIFORM_BUFFER,
     vk::DescriptorType::STORAGE_IMAGE,
     vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+    vk::DescriptorType::ACCELERATION_STRUCTURE_KHR,
 ];
 
 /// How many descriptor sets, then how many descriptors of each of [`KINDS`].
@@ -236,6 +237,7 @@ impl Slot {
         let sizes: Vec<_> = KINDS
             .iter()
             .zip(&grown[1..])
+            .filter(|(ty, _)| **ty != vk::DescriptorType::ACCELERATION_STRUCTURE_KHR || shared.builder.is_some())
             .map(|(&ty, &descriptor_count)| vk::DescriptorPoolSize { ty, descriptor_count })
             .collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(grown[0]).pool_sizes(&sizes);

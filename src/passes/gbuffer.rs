@@ -61,18 +61,22 @@ impl Gbuffer {
             plan.constant(Part::Alpha),
             projection,
         ];
+        let [visible, silhouette] = match plan.ray_queries() && in_view {
+            true => [shaders::GBUFFER_RAY_QUERY, shaders::SILHOUETTE_RAY_QUERY],
+            false => [shaders::GBUFFER, shaders::SILHOUETTE],
+        };
         let kernel =
             |name, shader, constants: &[&[Constant]]| Kernel::new::<()>(gpu, name, shader, &constants.concat());
         let objects = || {
             Ok(Objects {
                 coverage: kernel("coverage", shaders::COVERAGE, &[&[projection]])?,
-                silhouette: kernel("silhouette", shaders::SILHOUETTE, &[&material, &rays])?,
+                silhouette: kernel("silhouette", silhouette, &[&material, &rays])?,
                 surface: kernel("surface", shaders::SURFACE, &[&material])?,
             })
         };
-        let moved = || kernel("gbuffer", shaders::GBUFFER, &[&rays, &centre, &[("KEPT", 1)]]);
+        let moved = || kernel("gbuffer", visible, &[&rays, &centre, &[("KEPT", 1)]]);
         Ok(Self {
-            centre: kernel("gbuffer", shaders::GBUFFER, &[&rays, &centre])?,
+            centre: kernel("gbuffer", visible, &[&rays, &centre])?,
             moved: (in_view && plan.on(Part::Motion)).then(moved).transpose()?,
             objects: in_view.then(objects).transpose()?,
         })

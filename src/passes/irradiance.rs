@@ -35,10 +35,14 @@ pub struct Irradiance {
 impl Irradiance {
     pub fn new(gpu: &Gpu, plan: &Plan, role: Role) -> Result<Self> {
         let settings = &plan.settings;
-        let virtual_tracer = match role {
-            Role::Picture => settings.virtual_tracer,
+        let virtual_tracer = match settings.virtual_tracer {
             // The map shows no objects, so a tracer that walks it would find none.
-            Role::Relight => VirtualTracer::Bvh,
+            VirtualTracer::Screen if role == Role::Relight => VirtualTracer::Bvh,
+            tracer => tracer,
+        };
+        let [irradiance, aimed] = match plan.ray_queries() {
+            true => [shaders::IRRADIANCE_RAY_QUERY, shaders::AIM_RAY_QUERY],
+            false => [shaders::IRRADIANCE, shaders::AIM],
         };
         let roulette = plan.roulette();
         let emitters = plan.constant(Part::Emitters);
@@ -63,7 +67,7 @@ impl Irradiance {
                 ("REFLECTIONS", u32::from(*layer == VIRTUAL && plan.on(Part::Reflections))),
             ];
             let constants = [&constants[..], &plan.materials()].concat();
-            Kernel::new::<IrradiancePush>(gpu, "irradiance", shaders::IRRADIANCE, &constants)
+            Kernel::new::<IrradiancePush>(gpu, "irradiance", irradiance, &constants)
         };
         let aim = || {
             let constants = [
@@ -74,7 +78,7 @@ impl Irradiance {
                 emitters,
                 role.projection(plan),
             ];
-            Kernel::new::<IrradiancePush>(gpu, "aim", shaders::AIM, &constants)
+            Kernel::new::<IrradiancePush>(gpu, "aim", aimed, &constants)
         };
         Ok(Self {
             aim: roulette.then(aim).transpose()?,

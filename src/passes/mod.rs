@@ -3,6 +3,7 @@
 //! Each runs on a [`view::View`], which is the picture or the relit panorama's map. [`trace_rays`] runs
 //! outside of frames, and so do [`display`] and [`unknown`], which serve the window.
 
+pub mod acceleration;
 pub mod atrous;
 pub mod bsdf;
 pub mod composite;
@@ -50,7 +51,7 @@ pub struct PassRow {
     pub every: Every,
     /// The stem and the SPIR-V of each shader that it dispatches.
     pub shaders: &'static [(&'static str, &'static [u32])],
-    /// Dispatches in a frame that shows a new video frame.
+    /// Dispatches in a frame that shows a new video frame. A build of instances counts as one.
     pub dispatches: fn(&Plan) -> u32,
     /// The pass is off if all of these parts are off. Empty if it always runs.
     pub without: &'static [Part],
@@ -60,6 +61,15 @@ pub struct PassRow {
 
 /// The passes in the order of the frame. `relight` stands for the passes after it, on the relit maps.
 pub const PASSES: &[PassRow] = &[
+    PassRow {
+        name: "acceleration",
+        what: "what ray queries search, where objects have moved",
+        every: Every::Frame,
+        shaders: &[],
+        dispatches: |plan| u32::from(plan.ray_queries()),
+        without: &[Part::Objects],
+        color: "#17becf",
+    },
     PassRow {
         name: "radiance_pyramid",
         what: "mip levels of the panorama's radiance, where the picture is coarser than it",

@@ -3,8 +3,8 @@
 use crate::{
     Error, Result,
     gpu::{
-        Bind, Buffer, Constant, Format, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout, StructLayout,
-        Threads, struct_layout,
+        Acceleration, Bind, Buffer, Constant, Format, Frame, Gpu, GpuStruct, Image, Pass, PassDeclaration, PushLayout,
+        StructLayout, Threads, struct_layout,
     },
     plan::Part,
     scene::packed,
@@ -17,6 +17,7 @@ use super::{trace_rays, view::ViewData};
 pub enum Resource {
     Buffer(Buffer),
     Image(Image),
+    Acceleration(Acceleration),
     /// A stand-in of one texel for an image that is left out with this part.
     Absent(Image, Part),
 }
@@ -49,7 +50,7 @@ impl Resources {
     pub fn image(&self, name: &str) -> Option<&Image> {
         self.0.iter().find(|(n, _)| *n == name).and_then(|(_, resource)| match resource {
             Resource::Image(image) => Some(image),
-            Resource::Buffer(_) | Resource::Absent(..) => None,
+            Resource::Buffer(_) | Resource::Acceleration(_) | Resource::Absent(..) => None,
         })
     }
 
@@ -59,6 +60,7 @@ impl Resources {
         self.0.iter().find(|(n, _)| *n == name).map(|(_, resource)| match resource {
             Resource::Buffer(buffer) => Bind::from(buffer),
             Resource::Image(image) | Resource::Absent(image, _) => Bind::from(image),
+            Resource::Acceleration(acceleration) => Bind::from(acceleration),
         })
     }
 }

@@ -1,6 +1,7 @@
 //! The virtual objects on the device.
 
 use super::{
+    acceleration::AccelerationBuild,
     bsdf::{ggx_table, sheen_table},
     resources::{Resource, Resources},
 };
@@ -27,6 +28,8 @@ pub struct SceneBuffers {
     top_nodes: Table,
     /// Present if meshes change their shape.
     deformed: Option<Deformed>,
+    /// Present if rays meet objects by ray queries.
+    acceleration: Option<AccelerationBuild>,
     shining: Shining,
     emitters: Buffer,
     punctual: Buffer,
@@ -110,7 +113,40 @@ impl SceneBuffers {
                 previous,
             }
         });
-        Ok(Self { resources, instances: top, movers, places, top_nodes, deformed, shining, emitters, punctual })
+        let acceleration = None;
+        Ok(Self {
+            resources,
+            instances: top,
+            movers,
+            places,
+            top_nodes,
+            deformed,
+            acceleration,
+            shining,
+            emitters,
+            punctual,
+        })
+    }
+
+    /// Adds what ray queries search.
+    ///
+    /// # Errors
+    /// Fails as [`AccelerationBuild::new`] does.
+    pub fn add_acceleration(&mut self, gpu: &Gpu, scene: &PackedScene, instances: usize) -> Result<()> {
+        let acceleration = AccelerationBuild::new(gpu, scene, instances)?;
+        self.resources.add("acceleration", Resource::Acceleration(acceleration.top.clone()));
+        self.acceleration = Some(acceleration);
+        Ok(())
+    }
+
+    /// Records the pass `acceleration` for a frame's instances, if rays meet objects by ray queries.
+    pub fn accelerate(&mut self, frame: &mut Frame, state: &PackedInstances) -> Result<()> {
+        self.acceleration.as_mut().map_or(Ok(()), |acceleration| acceleration.record(frame, state))
+    }
+
+    /// Notes that the frame recorded last was submitted.
+    pub fn submitted(&mut self) {
+        self.acceleration.iter_mut().for_each(AccelerationBuild::submitted);
     }
 
     /// Records the upload of a frame's instances, which are relative to the panorama's centre, and of those that

@@ -354,8 +354,13 @@ impl Plan {
         self.on(Part::Temporal)
             && !(self.on(Part::Punctual) && self.facts.lights > 0)
             && self.settings.least_share < 1.0
-            && self.settings.virtual_tracer == VirtualTracer::Bvh
+            && self.settings.virtual_tracer != VirtualTracer::Screen
             && self.settings.real_tracer != RealTracer::Direction
+    }
+
+    /// Whether rays meet virtual objects by the device's ray queries.
+    pub fn ray_queries(&self) -> bool {
+        self.on(Part::Objects) && self.settings.virtual_tracer == VirtualTracer::RayQuery
     }
 
     /// Whether what an object does to the light of real surfaces in the picture is followed when it moves. That needs an

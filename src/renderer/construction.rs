@@ -25,6 +25,7 @@ use crate::{
     },
     plan::{Part, Plan},
     scene::{Scene, movers::Movers, packed::PackedScene},
+    settings::VirtualTracer,
 };
 use std::sync::Weak;
 
@@ -54,6 +55,17 @@ impl Lighting {
     }
 }
 
+/// Says whether a device can trace as `virtual_tracer = ray_query` asks.
+///
+/// # Errors
+/// Fails with [`Error::Input`] if it cannot. The error says what the device lacks.
+pub fn require_ray_queries(gpu: &Gpu) -> Result<()> {
+    gpu.require_ray_queries(
+        "virtual_tracer = ray_query",
+        "use virtual_tracer=bvh, or another device (see `iprt devices`)",
+    )
+}
+
 impl Renderer {
     /// Plans for a scene, builds pipelines and allocates. Renders nothing yet.
     pub fn new(gpu: &Gpu, scene: &Scene, options: RenderOptions) -> Result<Self> {
@@ -77,6 +89,9 @@ impl Renderer {
             return Err(Error::input("size", format!("{width}×{height} pixels"), "both must be from 1 to 16384"));
         }
         let settings = &plan.settings;
+        if settings.virtual_tracer == VirtualTracer::RayQuery {
+            require_ray_queries(gpu)?;
+        }
         let relight_size = [settings.relight_width, settings.relight_width.div_ceil(2)];
         let levels = if plan.on(Part::Relight) { settings.relight_levels } else { 0 };
         let relight = (0..levels)
@@ -98,6 +113,10 @@ impl Renderer {
             },
         );
         let (gbuffer, relighting) = others?;
+        let mut scene_buffers = SceneBuffers::new(gpu, packed, plan.facts.instances, plan.facts.lights)?;
+        if plan.ray_queries() {
+            scene_buffers.add_acceleration(gpu, packed, plan.facts.instances)?;
+        }
         Ok(Self {
             gpu: gpu.clone(),
             preparation: Some(Preparation::new(gpu, &plan)?),
@@ -106,7 +125,7 @@ impl Renderer {
             relighting,
             composite: Composite::new(gpu, &plan)?,
             panorama: Panorama::new(gpu, color_size, depth_size, scene.panorama.yaw_degrees, Needs::of(&plan))?,
-            scene: SceneBuffers::new(gpu, packed, plan.facts.instances, plan.facts.lights)?,
+            scene: scene_buffers,
             picture: View::new(gpu, "picture", options.size, &plan, Role::Picture)?,
             relight,
             nothing: gpu.image("nothing relit", [1, 1], 1, 1, Format::Rgba32u)?,

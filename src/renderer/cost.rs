@@ -44,7 +44,10 @@ impl Plan {
         let pass = |row: &PassRow| {
             let dispatches = (row.dispatches)(self);
             let missing = row.without.iter().filter(|part| !self.on(**part));
-            let why = || missing.map(|part| self.reason(*part)).collect::<Vec<_>>().join("; ");
+            let why = || match missing.map(|part| self.reason(*part)).collect::<Vec<_>>() {
+                parts if parts.is_empty() => "no setting asks for it".to_owned(),
+                parts => parts.join("; "),
+            };
             PassPlan { name: row.name, dispatches, off: (dispatches == 0).then(why) }
         };
         PASSES.iter().map(pass).collect()

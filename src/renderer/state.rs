@@ -131,6 +131,7 @@ impl Renderer {
         if !self.plan.on(Part::Video) && self.preparation.take().is_some() {
             self.panorama.settle();
         }
+        self.scene.submitted();
         self.previous_time = Some(time);
         self.frame += 1;
     }

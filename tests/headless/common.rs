@@ -15,6 +15,8 @@ use iprt::{
         Object, Scene,
         animation::{Placement, Track, Transform},
         camera::{Aim, CameraTrack},
+        clip::{Clip, Join, Weights},
+        deform::{Deform, Target},
         file::RenderSettings,
         material::Material,
         model::{Local, Mesh, Model, Node, Rig},
@@ -173,6 +175,21 @@ pub fn light(intensity: Vec3, at: Vec3) -> Object {
 pub fn moving(object: Object, from: Vec3, to: Vec3) -> Object {
     let translation = Track::from_keys(vec![(0.0, from), (1.0, to)], from);
     Object { placement: Placement { translation, ..object.placement }, ..object }
+}
+
+/// A box that a morph target makes higher in a second.
+pub fn growing(at: Vec3) -> Object {
+    let mut still = object(Shape::Box.mesh(vec3(0.3, 0.1, 0.3)), lambert(0.6), at);
+    let model = Arc::make_mut(&mut still.model);
+    let mesh = &mut model.meshes[0];
+    let up = mesh.positions.iter().map(|p| if p.y > 0.0 { 0.5 * Vec3::Y } else { Vec3::ZERO }).collect();
+    let target = Target { positions: up, normals: vec![] };
+    let (positions, normals) = (mesh.positions.clone(), mesh.normals.clone());
+    mesh.deform = Some(Arc::new(Deform { positions, normals, targets: vec![target], ..Deform::default() }));
+    model.rig.nodes[0].weights = vec![0.0];
+    let weights = Weights { node: 0, join: Join::Linear, times: vec![0.0, 1.0], values: vec![0.0, 1.0] };
+    model.rig.clips.push(Clip { weights: vec![weights], hold: true, ..Clip::default() });
+    Object { clip: Some(0), ..still }
 }
 
 /// A camera at a point that looks at another.

@@ -233,6 +233,7 @@ fn format_of(kind: Kind) -> String {
         Kind::StorageBuffer | Kind::UniformBuffer => "buffer".to_owned(),
         Kind::StorageImage { format, .. } => format!("{format:?}").to_lowercase().replace("32u", "32ui"),
         Kind::Sampled { .. } => "sampled".to_owned(),
+        Kind::Acceleration => "acceleration structure".to_owned(),
     }
 }
 

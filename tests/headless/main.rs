@@ -38,6 +38,7 @@ mod panorama_io;
 mod path_trace;
 mod plan;
 mod punctual;
+mod ray_query;
 mod relighting;
 #[cfg(debug_assertions)]
 mod reload;

@@ -16,10 +16,8 @@ use iprt::{
     reference::capture::{CaptureSettings, room_frames},
     renderer::Renderer,
     scene::{
-        Object, Scene,
+        Scene,
         animation::Track,
-        clip::{Clip, Join, Weights},
-        deform::{Deform, Target},
         file::RenderSettings,
         rooms::{NAMES, Video, by_name},
     },
@@ -208,21 +206,6 @@ fn lit_room(window: f32) -> PanoramaFrame {
         let lamp = d.dot(vec3(-0.5, 0.4, -0.8).normalize()) > 0.97;
         (if lamp { window } else { 0.7 }) * Vec3::ONE + 0.03 * colourful(d)
     })
-}
-
-/// A box that a morph target makes higher in a second.
-fn growing(at: Vec3) -> Object {
-    let mut still = object(iprt::scene::shapes::Shape::Box.mesh(vec3(0.3, 0.1, 0.3)), lambert(0.6), at);
-    let model = std::sync::Arc::make_mut(&mut still.model);
-    let mesh = &mut model.meshes[0];
-    let up = mesh.positions.iter().map(|p| if p.y > 0.0 { 0.5 * Vec3::Y } else { Vec3::ZERO }).collect();
-    let target = Target { positions: up, normals: vec![] };
-    let (positions, normals) = (mesh.positions.clone(), mesh.normals.clone());
-    mesh.deform = Some(std::sync::Arc::new(Deform { positions, normals, targets: vec![target], ..Deform::default() }));
-    model.rig.nodes[0].weights = vec![0.0];
-    let weights = Weights { node: 0, join: Join::Linear, times: vec![0.0, 1.0], values: vec![0.0, 1.0] };
-    model.rig.clips.push(Clip { weights: vec![weights], hold: true, ..Clip::default() });
-    Object { clip: Some(0), ..still }
 }
 
 /// A dim room that a bulb lights, 1.1 m from the capture point.

@@ -58,6 +58,10 @@ layout(set = 0, binding = 25, rgba32ui) uniform readonly uimage2D in_top_nodes;
 layout(set = 0, binding = 82, rgba32ui) uniform readonly uimage2D in_previous_triangles;
 // An instance is four: the rows of world_to_object, and the root of its bottom level.
 layout(set = 0, binding = 19, rgba32ui) uniform readonly uimage2D in_places;
+#ifdef RAY_QUERY
+// All instances, in the order of in_instances, for ray queries (passes/acceleration.rs).
+layout(set = 0, binding = 91) uniform accelerationStructureEXT in_acceleration;
+#endif
 layout(set = 0, binding = 26, scalar) readonly buffer Materials { Material material[]; } in_materials;
 layout(set = 0, binding = 27, scalar) readonly buffer Textures { Texture entry[]; } in_textures;
 layout(set = 0, binding = 28, scalar) readonly buffer Texels { uint texel[]; } in_texels;
