@@ -5,7 +5,7 @@ SHADERC = $(shell scripts/shaderc-flags)
 # cargo-nextest where it is installed.
 RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" || echo test)
 
-.PHONY: demo results chart build test faults fuzz lint docs setup clean
+.PHONY: demo results chart gallery build test faults fuzz lint docs setup clean
 
 demo: build
 	mkdir -p out
@@ -21,6 +21,11 @@ results: build
 # A small chart of the settings, made within ten minutes on two cores.
 chart: build
 	target/release/iprt chart apartment -o out/chart --sweep small --markdown docs/results.md
+
+# docs/gallery.md: spheres of every lobe and the models of the test data, in one sheet; half an hour on two cores.
+gallery: build
+	scripts/gallery
+	cp out/gallery/spheres.jpg docs/images/spheres.jpg
 
 build: setup
 	cargo build --release --locked $(SHADERC)
