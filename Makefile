@@ -22,7 +22,7 @@ results: build
 chart: build
 	target/release/iprt chart apartment -o out/chart --sweep small --markdown docs/results.md
 
-# docs/gallery.md: spheres of every lobe and the models of the test data, in one sheet; half an hour on two cores.
+# docs/gallery.md: spheres of every lobe and the models of the test data, in one sheet.
 gallery: build
 	scripts/gallery
 	cp out/gallery/spheres.jpg docs/images/spheres.jpg
