@@ -77,6 +77,7 @@ fn lathe(profiles: &[Vec<ProfilePoint>], sectors: u32, size: Vec3) -> Mesh {
                 mesh.positions.push(Vec3::new(radius * sin, height, radius * cos) * size);
                 mesh.normals.push((Vec3::new(radial * sin, up, radial * cos) / size).normalize());
                 mesh.uvs.push(Vec2::new(u, v));
+                mesh.tangents.push((Vec3::new(cos, 0.0, -sin) * size).normalize().extend(1.0).to_array());
             }
         }
         let columns = sectors + 1;
@@ -122,6 +123,7 @@ fn add_quad(mesh: &mut Mesh, normal: Vec3, up: Vec3, size: Vec3) {
         mesh.positions.push((normal * 0.5 + right * (uv.x - 0.5) + up * (0.5 - uv.y)) * size);
         mesh.normals.push(normal);
         mesh.uvs.push(uv);
+        mesh.tangents.push(right.extend(1.0).to_array());
     }
     mesh.triangles.extend([[first, first + 2, first + 1], [first, first + 3, first + 2]]);
 }
@@ -140,12 +142,22 @@ mod tests {
             let expected = if shape == Shape::Plane { size * Vec3::new(1.0, 0.0, 1.0) } else { size };
             assert!((max - min).abs_diff_eq(expected, 1e-5), "{shape:?}");
             assert!((max + min).abs_diff_eq(Vec3::ZERO, 1e-5), "{shape:?}");
+            // Tangents run to where u grows, which is where anisotropy is told from.
+            assert_eq!(mesh.tangents.len(), mesh.normals.len());
+            for ([x, y, z, sign], normal) in mesh.tangents.iter().zip(&mesh.normals) {
+                let tangent = Vec3::new(*x, *y, *z);
+                assert!(tangent.is_normalized() && tangent.dot(*normal).abs() < 1e-5 && *sign == 1.0, "{shape:?}");
+            }
             for triangle in &mesh.triangles {
                 let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
                 let face = (b - a).cross(c - a);
                 assert!(face.length() > 0.0, "{shape:?}: no degenerate triangle");
                 assert!(shape == Shape::Plane || face.dot(a + b + c) > 0.0, "{shape:?}: outwards");
+                let [ua, ub, uc] = triangle.map(|i| mesh.uvs[i as usize]);
+                let along = ((b - a) * (uc - ua).y - (c - a) * (ub - ua).y) * (ub - ua).perp_dot(uc - ua).signum();
                 for i in triangle {
+                    let [x, y, z, _] = mesh.tangents[*i as usize];
+                    assert!(Vec3::new(x, y, z).dot(along) > 0.0, "{shape:?}: tangents follow u");
                     assert!(mesh.normals[*i as usize].dot(face) > 0.0, "{shape:?}: normals agree");
                 }
             }

@@ -134,7 +134,7 @@ pub fn ball(radius: f32, material: Material, at: Vec3) -> Object {
     object(Shape::Sphere.mesh(Vec3::splat(2.0 * radius)), material, at)
 }
 
-/// A ball of many more triangles than the built-in one: its silhouette is a circle's to 1e-4.
+/// A ball of many more triangles than the built-in one: its silhouette is a circle's to 1e-4. Its tangents run along circles about Y.
 pub fn fine_ball(radius: f32, material: Material, at: Vec3) -> Object {
     const RINGS: u32 = 96;
     let mut mesh = Mesh { name: "fine ball".into(), ..Default::default() };
@@ -143,6 +143,7 @@ pub fn fine_ball(radius: f32, material: Material, at: Vec3) -> Object {
             let (sin, cos) = (std::f32::consts::PI * ring as f32 / RINGS as f32).sin_cos();
             let (x, z) = (std::f32::consts::PI * (sector % (2 * RINGS)) as f32 / RINGS as f32).sin_cos();
             mesh.normals.push(vec3(sin * x, cos, sin * z).normalize());
+            mesh.tangents.push([z, 0.0, -x, 1.0]);
         }
     }
     mesh.positions = mesh.normals.iter().map(|n| radius * n).collect();

@@ -2,19 +2,22 @@
 
     python -m venv V && V/bin/pip install mitsuba numpy
     V/bin/python tests/mitsuba/render.py balls
+    MITSUBA_VARIANT=scalar_rgb V/bin/python tests/mitsuba/render.py spheres --spp 8192
     V/bin/python tests/mitsuba/render.py room DATA/rooms/room     # of the folder that IPRT_DATA names
 
-Each writes tests/mitsuba/NAME_values.json: a picture of 8x6 pixels, box-filtered, so that every pixel is the mean of a patch of
+Each writes tests/mitsuba/NAME_values.json: a small picture, box-filtered, so that every pixel is the mean of a patch of
 the view, and the standard error of each value, from runs of other seeds. LLVM 19 was used, named by DRJIT_LIBLLVM_PATH; Debian 12's
-14 and 15 abort.
+14 and 15 abort. The spheres need no LLVM: their materials are Mitsuba's own plugins, none written here.
 
-The material is written here from glTF 2.0, appendix B, not from this project's shaders. What glTF leaves open is done as
-docs/pipeline.md says: GGX scaled by 1 + F0 (1/E - 1) (Turquin 2019), Lambert scaled by 1 - max(rho). Mitsuba's own code does the rest:
-geometry, visibility, lamps, light and lobe sampling, visible normals, Russian roulette.
+The material of the other scenes is written here from glTF 2.0, appendix B, not from this project's shaders. What glTF leaves open
+is done as docs/pipeline.md says: GGX scaled by 1 + F0 (1/E - 1) (Turquin 2019), Lambert scaled by 1 - max(rho). Mitsuba's own code
+does the rest: geometry, visibility, lamps, light and lobe sampling, visible normals, Russian roulette.
 """
 
 import argparse
 import json
+import math
+import os
 import struct
 import tempfile
 from pathlib import Path
@@ -22,11 +25,11 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-mi.set_variant("llvm_ad_rgb")
+mi.set_variant(os.environ.get("MITSUBA_VARIANT", "llvm_ad_rgb"))
 import drjit as dr  # noqa: E402 (needs the variant)
 
 HERE = Path(__file__).parent
-SIZE = (8, 6)
+SIZES = {"balls": (8, 6), "spheres": (12, 8), "room": (8, 6)}
 COSINES = 512  # of the tables of directional albedo
 
 
@@ -156,21 +159,66 @@ def camera(position, look_at, fov_y, size):
     return sensor | {"sampler": {"type": "independent"}}
 
 
-def balls(size):
-    """The room of balls.json."""
-    scene = json.loads((HERE / "balls.json").read_text())
+def box_room(file, size):
+    """The boxes of balls.json, seen by the camera of a file; and its balls."""
+    boxes = json.loads((HERE / "balls.json").read_text())["boxes"]
+    scene = json.loads((HERE / file).read_text())
     world = {"type": "scene", "sensor": camera(**scene["camera"], size=size)}
     T = mi.ScalarTransform4f
-    for i, box in enumerate(scene["boxes"]):
+    for i, box in enumerate(boxes):
         place = T().translate(box["at"]).scale([0.5 * s for s in box["size"]])
         shape = {"type": "cube", "to_world": place, "bsdf": lambert(rgb(box["base_color"]))}
         if "emissive" in box:
             shape["emitter"] = {"type": "area", "radiance": rgb(box["emissive"])}
         world[f"box{i}"] = shape
-    for i, ball in enumerate(scene["balls"]):
+    return world, scene["balls"]
+
+
+def balls(size):
+    world, shapes = box_room("balls.json", size)
+    for i, ball in enumerate(shapes):
         material = {key: ball[key] for key in ["metallic", "roughness"]}
         material = mi.load_dict({"type": "gltf", "base_color": mi.ScalarColor3f(ball["base_color"]), **material})
         world[f"ball{i}"] = {"type": "sphere", "center": ball["at"], "radius": ball["radius"], "bsdf": material}
+    return world
+
+
+def plugin(ball):
+    """Mitsuba's material for what a ball's values mean in glTF, and the medium in it.
+
+    It knows no compensation for multiple scattering, so roughness is small: a ball of `roughdielectric` in a white furnace shows
+    0.998 in the middle at roughness 0.2, and 0.982 at 0.3. A thin sheet is that whose
+    reflection at normal incidence, bounces within it included, is F0 = 0.04: 2 R / (1 + R) with R = 1/49, an index of 4/3.
+    """
+    alpha, clear = ball["roughness"] ** 2, {"type": ball["plugin"], "ext_ior": 1.0, "int_ior": 1.5}
+    kinds = {
+        "principled": lambda: {
+            "type": "principled", "base_color": rgb(ball["base_color"]), "roughness": ball["roughness"],
+            "metallic": ball["metallic"], "spec_trans": ball.get("transmission", 0.0), "eta": 1.5,
+        },
+        "roughconductor": lambda: {
+            "type": "roughconductor", "material": "none", "distribution": "ggx", "alpha_v": alpha,
+            "alpha_u": alpha + (1 - alpha) * ball["anisotropy"] ** 2,
+        },
+        "roughdielectric": lambda: clear | {"distribution": "ggx", "alpha": alpha},
+        "dielectric": lambda: clear,
+        "thindielectric": lambda: clear | {"int_ior": 4 / 3},
+    }  # fmt: skip
+    shape = {"bsdf": kinds[ball["plugin"]]()}
+    if "attenuation_distance" in ball:
+        sigma = [-math.log(c) / ball["attenuation_distance"] for c in ball["attenuation_color"]]
+        share = rgb([s / max(sigma) for s in sigma])
+        shape["interior"] = {"type": "homogeneous", "albedo": 0.0, "sigma_t": share, "scale": max(sigma)}
+    return shape
+
+
+def spheres(size):
+    """The balls of spheres.json. Their poles are above and below, so that Mitsuba's tangent is the glTF test's."""
+    world, shapes = box_room("spheres.json", size)
+    T = mi.ScalarTransform4f
+    for i, ball in enumerate(shapes):
+        place = T().translate(ball["at"]).rotate([1, 0, 0], -90).scale(ball["radius"])
+        world[f"ball{i}"] = {"type": "sphere", "to_world": place} | plugin(ball)
     return world
 
 
@@ -252,16 +300,22 @@ def room(size, source, compensated):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scene", choices=["balls", "room"])
+    parser.add_argument("scene", choices=list(SIZES))
     parser.add_argument("source", nargs="?", type=Path)
     parser.add_argument("--runs", type=int, default=16)
     parser.add_argument("--spp", type=int, default=16384, help="samples a pixel and run")
     parser.add_argument("--plain", action="store_true", help="metal without compensation (room)")
-    parser.add_argument("--exr", type=Path, help="one run of 512x384 as a picture, and nothing else")
+    parser.add_argument("--exr", type=Path, help="one run of 512 pixels width as a picture, and nothing else")
     args = parser.parse_args()
-    size = (512, 384) if args.exr else SIZE
-    scene = mi.load_dict(balls(size)) if args.scene == "balls" else room(size, args.source, not args.plain)
-    integrator = mi.load_dict({"type": "path", "max_depth": -1, "rr_depth": 8})
+    size = SIZES[args.scene]
+    if args.exr:
+        size = (512, 512 * size[1] // size[0])
+    if args.scene == "room":
+        scene = room(size, args.source, not args.plain)
+    else:
+        scene = mi.load_dict({"balls": balls, "spheres": spheres}[args.scene](size))
+    kind = "volpath" if args.scene == "spheres" else "path"  # which absorbs in a solid
+    integrator = mi.load_dict({"type": kind, "max_depth": -1, "rr_depth": 8})
     render = lambda seed: np.array(mi.render(scene, integrator=integrator, spp=args.spp, seed=seed))  # noqa: E731
     if args.exr:
         mi.Bitmap(render(0)).write(str(args.exr))
