@@ -61,7 +61,7 @@ vec4 vertex(ivec2 p) {
 // can be hit only within `thickness` behind its nearest depth; otherwise it would be a spike across the room.
 vec3 triangle_range(float a, float b, float c) {
     float near = min(a, min(b, c)), far = max(a, max(b, c));
-    return vec3(near, far, far > near * (1.0 + in_view.view.edge_ratio) ? skirt_reach(near) : FAR);
+    return vec3(near, far, far > near * (1.0 + in_view.view.edge_ratio) ? skirt_reach(near, in_view.view.edge_depth != 0u, in_view.view.thickness) : FAR);
 }
 
 Box leaf_box(ivec2 leaf) {
@@ -97,7 +97,8 @@ Box leaf_box(ivec2 leaf) {
 
 // Returns the box around a node's children.
 Box node_box(uint node) {
-    uvec4 a = imageLoad(pyramid, table_texel(node * 3u)), b = imageLoad(pyramid, table_texel(node * 3u + 1u)), c = imageLoad(pyramid, table_texel(node * 3u + 2u));
+    ivec2 texel = pyramid_texel(node);
+    uvec4 a = imageLoad(pyramid, texel), b = imageLoad(pyramid, texel + ivec2(1, 0)), c = imageLoad(pyramid, texel + ivec2(2, 0));
     vec3 origin = uintBitsToFloat(a.xyz), scale = uintBitsToFloat((uvec3(a.w, a.w >> 8u, a.w >> 16u) & 0xffu) << 23u);
     Box box = Box(vec3(FAR), vec3(-FAR));
     for (uint k = 0u; k < 4u; k++) {
@@ -112,12 +113,13 @@ void main() {
     uvec2 p = gl_GlobalInvocationID.xy;
     if (p.x >= push.width || p.y >= push.height) return;
     uint root = push.far_sides != 0u ? in_view.view.pyramid_nodes : 0u;
+    PyramidShape shape = pyramid_shape();
     Box child[4], whole = Box(vec3(FAR), vec3(-FAR));
     for (uint k = 0u; k < 4u; k++) {
         uvec2 q = p * 2u + uvec2(k & 1u, k >> 1u);
         Box box = Box(vec3(FAR), vec3(-FAR));
         if (push.level == 0u) box = leaf_box(ivec2(q));
-        else if (all(lessThan(q, ((in_view.view.pyramid_size - 1u) >> (push.level - 1u)) + 1u))) box = node_box(root + pyramid_node(push.level - 1u, q.x, q.y));
+        else if (all(lessThan(q, ((in_view.view.pyramid_size - 1u) >> (push.level - 1u)) + 1u))) box = node_box(root + pyramid_node(shape, push.level - 1u, q.x, q.y));
         child[k] = box;
         whole.lo = min(whole.lo, box.lo);
         whole.hi = max(whole.hi, box.hi);
@@ -136,8 +138,10 @@ void main() {
             greatest |= uvec3(clamp(ceil((child[k].hi - whole.lo) / scale + 1e-3), 0.0, 255.0)) << (8u * k);
         }
     } else whole.lo = vec3(0.0);
-    uint node = root + pyramid_node(push.level, p.x, p.y);
-    imageStore(pyramid, table_texel(node * 3u), uvec4(floatBitsToUint(whole.lo), exponent.x | exponent.y << 8u | exponent.z << 16u));
-    imageStore(pyramid, table_texel(node * 3u + 1u), uvec4(least, greatest.x));
-    imageStore(pyramid, table_texel(node * 3u + 2u), uvec4(greatest.yz, held, 0u));
+    uint node = root + pyramid_node(shape, push.level, p.x, p.y);
+    uint columns = (held & 5u) << 1u | (held & 10u) >> 1u, rows = (held & 3u) << 2u | held >> 2u, both = (columns & 3u) << 2u | columns >> 2u;
+    ivec2 texel = pyramid_texel(node);
+    imageStore(pyramid, texel, uvec4(floatBitsToUint(whole.lo), exponent.x | exponent.y << 8u | exponent.z << 16u));
+    imageStore(pyramid, texel + ivec2(1, 0), uvec4(least, greatest.x));
+    imageStore(pyramid, texel + ivec2(2, 0), uvec4(greatest.yz, held | columns << 4u | rows << 8u | both << 12u, 0u));
 }

@@ -19,8 +19,8 @@ float with_edge_class(float depth, uint bits) {
 }
 
 // Returns how far from the centre a skirt with this nearest depth can be hit.
-float skirt_reach(float near) {
+float skirt_reach(float near, bool edge_depth, float thickness) {
     uint bits = floatBitsToUint(near) & 15u;
     float deep = bits == 15u ? FAR : uintBitsToFloat(0x3c800000u + (bits << 22u));
-    return near + (in_view.view.edge_depth != 0u ? deep : in_view.view.thickness);
+    return near + (edge_depth ? deep : thickness);
 }

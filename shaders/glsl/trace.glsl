@@ -12,14 +12,27 @@ const uint TRIANGLE_UPPER = 1u << 30u, TRIANGLE_SKIRT = 1u << 31u;
 // edge compute the same edge function from these, so no ray slips between them (Woop et al. 2013).
 float edge(vec4 a, vec4 b) { precise float area = a.x * b.y - a.y * b.x; return area; }
 
-void cross_triangle(vec3 weight, vec4 a, vec4 b, vec4 c, vec3 origin, vec3 d, float t_min, bool far_sides, uint triangle, inout Crossing crossing) {
+// What the walk asks of the view for each triangle. Read once: within a loop llvmpipe reads it anew for each ray.
+struct SurfaceShape { ivec2 size; float most_ratio; bool edge_depth; float thickness; };
+
+SurfaceShape surface_shape() {
+    View v = in_view.view;
+    return SurfaceShape(ivec2(v.depth_size), 1.0 + v.edge_ratio, v.edge_depth != 0u, v.thickness);
+}
+
+// Depths are not negative, so they compare as integers do, which costs less.
+float nearer(float a, float b) { return intBitsToFloat(min(floatBitsToInt(a), floatBitsToInt(b))); }
+float farther(float a, float b) { return intBitsToFloat(max(floatBitsToInt(a), floatBitsToInt(b))); }
+
+// Tests a triangle of which the ray's direction has these weights, `along` the distances of its vertices along the
+// ray. `near` and `far` are its smallest and largest depth.
+void cross_triangle(SurfaceShape shape, vec3 weight, vec3 along, float near, float far, vec3 origin, vec3 d, float t_min, bool far_sides, uint triangle, inout Crossing crossing) {
     float sum = weight.x + weight.y + weight.z;
-    bool inside = max(weight.x, max(weight.y, weight.z)) <= 0.0 || min(weight.x, min(weight.y, weight.z)) >= 0.0;
-    float near = min(a.w, min(b.w, c.w)), far = max(a.w, max(b.w, c.w));
-    float t = (weight.x * a.z + weight.y * b.z + weight.z * c.z) / sum;
-    bool skirt = far > near * (1.0 + in_view.view.edge_ratio);
+    bool inside = all(lessThanEqual(weight, vec3(0.0))) || all(greaterThanEqual(weight, vec3(0.0)));
+    float t = (weight.x * along.x + weight.y * along.y + weight.z * along.z) / sum;
+    bool skirt = far > near * shape.most_ratio;
     vec3 point = origin + d * t;
-    float reach = skirt_reach(near);
+    float reach = skirt_reach(near, shape.edge_depth, shape.thickness);
     bool beyond = skirt && dot(point, point) > reach * reach;
     if (inside && sum != 0.0 && near > 0.0 && t > t_min && t < crossing.t && beyond == far_sides) {
         crossing.t = t;
@@ -29,14 +42,14 @@ void cross_triangle(vec3 weight, vec4 a, vec4 b, vec4 c, vec3 origin, vec3 d, fl
 
 // Tests the two triangles of a quad, split from its upper left to its lower right. `edges` are top, bottom,
 // left, right.
-void cross_quad(vec4 v00, vec4 v01, vec4 v10, vec4 v11, vec4 edges, vec3 origin, vec3 d, float t_min, bool far_sides, uint quad, inout Crossing crossing) {
-    float diagonal = edge(v00, v11);
-    cross_triangle(vec3(edges.y, -diagonal, edges.z), v00, v10, v11, origin, d, t_min, far_sides, quad, crossing);
-    cross_triangle(vec3(-edges.w, -edges.x, diagonal), v00, v11, v01, origin, d, t_min, far_sides, quad | TRIANGLE_UPPER, crossing);
+void cross_quad(SurfaceShape shape, vec4 v00, vec4 v01, vec4 v10, vec4 v11, vec4 edges, vec3 origin, vec3 d, float t_min, bool far_sides, uint quad, inout Crossing crossing) {
+    float diagonal = edge(v00, v11), near = nearer(v00.w, v11.w), far = farther(v00.w, v11.w);
+    cross_triangle(shape, vec3(edges.y, -diagonal, edges.z), vec3(v00.z, v10.z, v11.z), nearer(near, v10.w), farther(far, v10.w), origin, d, t_min, far_sides, quad, crossing);
+    cross_triangle(shape, vec3(-edges.w, -edges.x, diagonal), vec3(v00.z, v11.z, v01.z), nearer(near, v01.w), farther(far, v01.w), origin, d, t_min, far_sides, quad | TRIANGLE_UPPER, crossing);
 }
 
-void cross_leaf(uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, bool far_sides, inout Crossing crossing) {
-    ivec2 size = ivec2(in_view.view.depth_size), first = ivec2(x, y) * 2;
+void cross_leaf(SurfaceShape shape, uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, bool far_sides, inout Crossing crossing) {
+    ivec2 size = shape.size, first = ivec2(x, y) * 2;
     vec3 at = origin * across;
     vec4 v[9];
     vec2 phi[3];
@@ -61,10 +74,10 @@ void cross_leaf(uint x, uint y, mat3 across, vec3 origin, vec3 d, float t_min, b
     float left0 = edge(v[0], v[3]), left1 = edge(v[3], v[6]), centre0 = edge(v[1], v[4]), centre1 = edge(v[4], v[7]);
     float right0 = edge(v[2], v[5]), right1 = edge(v[5], v[8]);
     uint quad = uint(first.x) | uint(first.y) << 15u;
-    cross_quad(v[0], v[1], v[3], v[4], vec4(top0, middle0, left0, centre0), origin, d, t_min, far_sides, quad, crossing);
-    cross_quad(v[1], v[2], v[4], v[5], vec4(top1, middle1, centre0, right0), origin, d, t_min, far_sides, quad + 1u, crossing);
-    cross_quad(v[3], v[4], v[6], v[7], vec4(middle0, bottom0, left1, centre1), origin, d, t_min, far_sides, quad + (1u << 15u), crossing);
-    cross_quad(v[4], v[5], v[7], v[8], vec4(middle1, bottom1, centre1, right1), origin, d, t_min, far_sides, quad + (1u << 15u) + 1u, crossing);
+    cross_quad(shape, v[0], v[1], v[3], v[4], vec4(top0, middle0, left0, centre0), origin, d, t_min, far_sides, quad, crossing);
+    cross_quad(shape, v[1], v[2], v[4], v[5], vec4(top1, middle1, centre0, right0), origin, d, t_min, far_sides, quad + 1u, crossing);
+    cross_quad(shape, v[3], v[4], v[6], v[7], vec4(middle0, bottom0, left1, centre1), origin, d, t_min, far_sides, quad + (1u << 15u), crossing);
+    cross_quad(shape, v[4], v[5], v[7], v[8], vec4(middle1, bottom1, centre1, right1), origin, d, t_min, far_sides, quad + (1u << 15u) + 1u, crossing);
 }
 
 // Splits a word into its four bytes.
@@ -81,36 +94,42 @@ uint first_child(vec3 origin, vec3 d) {
     return uint(left) | uint(up) << 1u;
 }
 
+// Goes from a node to one that is left to be visited: `next` is its place in `left`.
+void follow(uint next, uint flip, inout uint level, inout uint x, inout uint y) {
+    uint child = (next & 3u) ^ flip, climb = (next >> 2u) + 1u - level;
+    x = (x >> climb) * 2u + (child & 1u);
+    y = (y >> climb) * 2u + (child >> 1u);
+    level = next >> 2u;
+}
+
+const uint WALKED = 16u; // more than any level, and added to the last one when nothing is left of `left`
+
 // Finds the nearest crossing in (t_min, t_max) of what can be hit, or any crossing of a skirt's far side.
 // There is no stack of nodes: where a ray is in the pyramid says what its ancestors are. `left` has four bits for
 // each level, finest first: the children of its node that are still to be visited, in the order of first_child. So
-// its lowest bit is where to go next, whether down or back up.
+// its lowest bit is where to go next, whether down or back up. `high` has those of levels from 8 on.
 Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
     Crossing crossing = Crossing(t_max, NO_TRIANGLE);
     bvec3 forward = greaterThanEqual(d, vec3(0.0));
     vec3 inverse = vec3(abs(d.x) > 1e-20 ? 1.0 / d.x : 1e20, abs(d.y) > 1e-20 ? 1.0 / d.y : 1e20, abs(d.z) > 1e-20 ? 1.0 / d.z : 1e20);
     vec3 shift = -origin * inverse;
     mat3 across = basis(d);
+    SurfaceShape shape = surface_shape();
+    PyramidShape pyramid = pyramid_shape();
     uint root = far_sides ? in_view.view.pyramid_nodes : 0u, flip = first_child(origin, d);
-    bool flip_x = (flip & 1u) != 0u, flip_y = flip > 1u;
-    int level = int(in_view.view.pyramid_levels); // a leaf is at -1
-    uvec2 left = level < 8 ? uvec2(1u << (4u * uint(level) + flip), 0u) : uvec2(0u, 1u << (4u * uint(level) - 32u + flip));
-    uint x = 0u, y = 0u;
-    bool done = false;
+    uvec4 bit = uvec4(1u) << (uvec4(0u, 1u, 2u, 3u) ^ flip);
+    uint left = 0u, high = 0u;
+    uint level = in_view.view.pyramid_levels - 1u, x = 0u, y = 0u; // the node to visit
     // One loop visits boxes, the other triangles. A group of rays that walks together is in one of them at a
-    // time (Aila and Laine 2009).
-    while (true) {
-        while (true) {
-            if (left == uvec2(0u)) { done = true; break; }
-            bool fine = left.x != 0u;
-            uint next = uint(findLSB(fine ? left.x : left.y)) + (fine ? 0u : 32u), child = (next & 3u) ^ flip, climb = (next >> 2u) - uint(level);
-            left = fine ? uvec2(left.x & (left.x - 1u), left.y) : uvec2(0u, left.y & (left.y - 1u));
-            x = (x >> climb) * 2u + (child & 1u);
-            y = (y >> climb) * 2u + (child >> 1u);
-            level += int(climb) - 1;
-            if (level < 0) break;
-            uint texel = (root + pyramid_node(uint(level), x, y)) * 3u;
-            uvec4 a = imageLoad(in_pyramid, table_texel(texel)), b = imageLoad(in_pyramid, table_texel(texel + 1u)), c = imageLoad(in_pyramid, table_texel(texel + 2u));
+    // time, and a ray that has found triangles walks on until it has three such nodes, so that it seldom waits
+    // for the others (Aila and Laine 2009). Both loops ask at their ends whether to go on: asked first, a group
+    // that does not branch would visit another node with no ray in it. Whether to go on is part of `level`, which
+    // goes from turn to turn: what is only made in a turn is lost on llvmpipe for a ray that leaves before others.
+    do {
+        uvec3 found = uvec3(0u); // nodes of level 0 with leaves to test: four bits of which, 14 bits of x and y
+        do {
+            ivec2 texel = pyramid_texel(root + pyramid_node(pyramid, level, x, y));
+            uvec4 a = imageLoad(in_pyramid, texel), b = imageLoad(in_pyramid, texel + ivec2(1, 0)), c = imageLoad(in_pyramid, texel + ivec2(2, 0));
             vec3 scale = uintBitsToFloat((uvec3(a.w, a.w >> 8u, a.w >> 16u) & 0xffu) << 23u) * inverse;
             vec3 base = uintBitsToFloat(a.xyz) * inverse + shift;
             uvec3 least = b.xyz, greatest = uvec3(b.w, c.xy);
@@ -119,17 +138,30 @@ Crossing walk(vec3 origin, vec3 d, float t_min, float t_max, bool far_sides) {
             ivec4 enter = max(max(distances(near.x, scale.x, base.x), distances(near.y, scale.y, base.y)), max(distances(near.z, scale.z, base.z), ivec4(floatBitsToInt(t_min))));
             ivec4 leave = min(min(distances(far.x, scale.x, base.x), distances(far.y, scale.y, base.y)), min(distances(far.z, scale.z, base.z), ivec4(floatBitsToInt(crossing.t))));
             bvec4 met = lessThanEqual(intBitsToFloat(enter), intBitsToFloat(leave) * 1.0000004);
-            uvec4 bits = mix(uvec4(0u), uvec4(1u, 2u, 4u, 8u), met);
-            uint all = (bits.x | bits.y | bits.z | bits.w) & c.z; // the bounds of an empty child are undefined
-            if (flip_x) all = (all & 5u) << 1u | (all & 10u) >> 1u;
-            if (flip_y) all = (all & 3u) << 2u | all >> 2u;
-            all <<= (uint(level) & 7u) * 4u;
-            if (level < 8) left.x |= all; else left.y |= all;
+            uvec4 bits = mix(uvec4(0u), bit, met);
+            uint all = (bits.x | bits.y | bits.z | bits.w) & (c.z >> (4u * flip)); // the bounds of an empty child are undefined
+            if (level == 0u) found = all != 0u ? uvec3(all | x << 4u | y << 18u, found.xy) : found;
+            else if (level <= 8u) left |= all << (4u * level - 4u);
+            else high |= all << (4u * level - 36u);
+            if (left != 0u) follow(uint(findLSB(left)), flip, level, x, y);
+            else level |= WALKED;
+            left &= left - 1u;
+        } while (level < WALKED && found.z == 0u);
+        do {
+            if (found.x != 0u) {
+                uint child = uint(findLSB(found.x)) ^ flip, leaf_x = ((found.x >> 4u) & 0x3fffu) * 2u, leaf_y = (found.x >> 18u) * 2u;
+                cross_leaf(shape, leaf_x + (child & 1u), leaf_y + (child >> 1u), across, origin, d, t_min, far_sides, crossing);
+                found.x &= found.x - 1u;
+                if ((found.x & 15u) == 0u) found = uvec3(found.yz, 0u);
+            }
+        } while (found.x != 0u);
+        if (level >= WALKED && high != 0u) {
+            level -= WALKED;
+            follow(uint(findLSB(high)) + 32u, flip, level, x, y);
+            high &= high - 1u;
         }
-        if (done) break;
-        cross_leaf(x, y, across, origin, d, t_min, far_sides, crossing);
-        if (far_sides && crossing.triangle != NO_TRIANGLE) break;
-    }
+        if (far_sides && crossing.triangle != NO_TRIANGLE) level |= WALKED;
+    } while (level < WALKED);
     return crossing;
 }
 

@@ -46,9 +46,9 @@ impl PyramidShape {
     }
 }
 
-/// Texels of a node, and texels in a row of the pyramid's image, as in `pyramid.glsl`.
+/// Texels of a node, and nodes in a row of the pyramid's image, as in `pyramid.glsl`.
 const NODE_TEXELS: u32 = 3;
-const PYRAMID_ROW: u32 = 4096;
+const PYRAMID_ROW: u32 = 1024;
 
 /// The device resources of a panorama of fixed sizes. A clone has the same images.
 #[derive(Clone)]
@@ -241,8 +241,8 @@ impl Panorama {
 
 /// Makes an image for this many nodes.
 fn pyramid(gpu: &Gpu, nodes: u32) -> Result<Image> {
-    let rows = (nodes * NODE_TEXELS).div_ceil(PYRAMID_ROW);
-    gpu.image("depth pyramid", [PYRAMID_ROW, rows], 1, 1, Format::Rgba32u)
+    let size = [PYRAMID_ROW * NODE_TEXELS, nodes.div_ceil(PYRAMID_ROW)];
+    gpu.image("depth pyramid", size, 1, 1, Format::Rgba32u)
 }
 
 /// (sin φ, cos φ) of each column in the world. From `stride` on, (sin θ, cos θ) of each row and both poles.
