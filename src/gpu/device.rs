@@ -333,7 +333,7 @@ impl Parts {
             (limits, features, self.device.get_device_queue(self.chosen.queue_family, 0))
         };
         let mut storage = features.map(|f| f.contains(vk::FormatFeatureFlags::STORAGE_IMAGE));
-        for extended in [Format::Rg16f, Format::Rg32f] {
+        for extended in [Format::R16f, Format::Rg16f, Format::Rg32f, Format::Rg32u] {
             storage[extended as usize] &= self.chosen.extended_formats;
         }
         let shared = Shared {
