@@ -56,8 +56,6 @@ gpu_struct! {
         pub relit: u32,
         pub relight_size: [u32; 2],
         pub light_units: Vec2,
-        pub now: [u32; 2],
-        pub before: [u32; 2],
         pub light_now: [u32; 2],
         pub light_before: [u32; 2],
     }

@@ -101,7 +101,7 @@ impl View {
             let light_now = self.history_layer(layer, self.light_turn(layer));
             let stands = self.stands(layer, &shown[layer as usize]);
             let at = layer as usize;
-            (data.now[at], data.light_now[at]) = (layer, light_now);
+            data.light_now[at] = light_now;
             data.light_before[at] = if self.history && stands == Stands::Nothing { light_now ^ 1 } else { light_now };
         }
     }
