@@ -32,7 +32,7 @@ use crate::{
         scene::SceneBuffers,
         temporal::{Since, Temporal},
         unknown::Unknown,
-        view::{REAL, Role, VIRTUAL, View},
+        view::{REAL, Role, Stands, VIRTUAL, View},
     },
     plan::Plan,
     scene::{Scene, movers::Movers},
@@ -180,8 +180,10 @@ impl Renderer {
         frame.barrier("gbuffer reads the panorama");
         self.look(&mut frame, &self.picture, &state)?;
         let lighting = self.lighting.as_ref();
-        let light = |lighting| self.light(&mut frame, lighting, &self.picture, self.relight.last(), &state);
-        let light = lighting.map(light).transpose()?;
+        if let Some(lighting) = lighting {
+            self.light(&mut frame, lighting, &self.picture, self.relight.last(), &state)?;
+        }
+        let light = lighting.map(|_| filtered(&self.plan.settings));
         frame.barrier("composite reads radiance and filtered light");
         let [real, _] = state.shown_in(&self.picture);
         let still = light.is_some() && self.picture.still_frames(REAL, &real) > 0;
@@ -258,27 +260,27 @@ impl Renderer {
         gbuffer.record(frame, view, &self.panorama.resources, &self.scene, kept[REAL as usize])
     }
 
-    /// Records passes 2 to 5 on a view whose rays see `relit`. Returns the image of the filtered light.
-    fn light<'a>(
-        &'a self,
+    /// Records passes 2 to 5 on a view whose rays see `relit`.
+    fn light(
+        &self,
         frame: &mut Frame,
-        lighting: &'a Lighting,
-        view: &'a View,
-        relit: Option<&'a View>,
+        lighting: &Lighting,
+        view: &View,
+        relit: Option<&View>,
         state: &FrameState,
-    ) -> Result<&'a Image> {
+    ) -> Result<()> {
         let settings = &self.plan.settings;
         let history = settings.temporal && view.history_reset.is_none();
         let clamps = self.shortens(state) || settings.clamp_when == ClampWhen::Always;
         let clamp = if clamps && !planted!(self, HistoryKept) { settings.clamp } else { 0.0 };
         let [real, seen] = state.shown_in(view);
         let stands = [view.stands(REAL, &real), view.stands(VIRTUAL, &seen)];
-        let relit = relit.map_or(Ok(&self.nothing), |map| map.image(filtered(settings)))?;
+        let relit = relit.map_or(Ok(&self.nothing), |map| map.light(filtered(settings), REAL))?;
         let since = Since { history, stands, clamp, video: state.new_light, moved: !state.movers.is_empty() };
         let temporal = |frame: &mut Frame, why, input| match &lighting.temporal {
             Some(temporal) => {
                 frame.barrier(why);
-                temporal.record(frame, view, view.image(input)?, since)
+                temporal.record(frame, view, input, since)
             }
             None => Ok(()),
         };
@@ -294,7 +296,12 @@ impl Renderer {
         let pools = [&self.panorama.resources, &self.scene.resources];
         lighting.sampling_mask.record(frame, view, settings, since, view.steady_frames(REAL, &real), pools)?;
         frame.barrier("irradiance reads the compacted pixels");
-        let last = if self.plan.roulette() { view.image(filtered(settings))? } else { &self.nothing };
+        // What is accumulated anew has yet to take the place of the last frame's light.
+        let light = match stands[REAL as usize] {
+            Stands::Nothing if self.plan.history_in_brief() => "accumulated",
+            _ => filtered(settings),
+        };
+        let last = if self.plan.roulette() { view.light(light, REAL)? } else { &self.nothing };
         lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, [relit, last], since)?;
         if let Some(interpolate) = &lighting.interpolate {
             frame.barrier("interpolate reads traced neighbours");
@@ -310,7 +317,7 @@ impl Renderer {
                 temporal(frame, "temporal reads filtered irradiance", Atrous::result(settings))?;
             }
         }
-        view.image(filtered(settings))
+        Ok(())
     }
 
     /// Lets the relit panorama converge before a converging picture is accumulated over it.

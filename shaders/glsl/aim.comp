@@ -5,7 +5,7 @@
 #endif
 // Pass 3, irradiance (first dispatch): of the traced real surfaces, lists those whose rays meet an object, and of
 // the others as many as traced_share says.
-// In: list, position, normal, motion, guide; light of the last frame; panorama, scene. Out: aimed; irradiance of
+// In: list, guide; light of the last frame; panorama, scene. Out: aimed; irradiance of
 // what is not listed, 0.
 #define APPEND_TO_AIMED
 #include "irradiance.glsl"

@@ -20,7 +20,7 @@ layout(constant_id = 10) const int RADIUS = 1;
 layout(constant_id = 12) const uint RAW = 0;   // 1: the input is one frame's, and has no deviation
 layout(constant_id = 13) const uint FIRST = 1; // 1: the first level, of step 1
 
-layout(constant_id = 31) const uint BRIEF = 0;  // 1: the first level reads an image with a history
+layout(constant_id = 31) const uint BRIEF = 0;  // 1: the first level reads light in brief
 layout(constant_id = 33) const uint LAST = 1;   // 1: the last level, whose result is rounded by chance, so that it has no steps
 layout(constant_id = 36) const uint RESTS = 0; // 1: the last level, which says how noisy a tile of real surfaces is
 
@@ -33,7 +33,7 @@ layout(push_constant, scalar) uniform Push {
 const float KERNEL[2][3] = float[2][3](float[3](0.5, 0.25, 0.0), float[3](0.375, 0.25, 0.0625));
 
 Light light_at(ivec2 q) {
-    uvec4 code = imageLoad(in_light, ivec3(q, BRIEF != 0u ? LIGHT_NOW(LAYER) : LAYER));
+    uvec4 code = imageLoad(in_light, ivec3(q, LAYER));
     return BRIEF != 0u || FIRST == 0u ? brief_unpack(code) : light_unpack(code);
 }
 
@@ -54,7 +54,7 @@ vec2 smooth_deviation(ivec2 p) {
             bool inside = neighbour(q);
             vec2 deviation = light_at(q).deviation;
             float w = (x == 0 ? 0.5 : 0.25) * (y == 0 ? 0.5 : 0.25);
-            if (!inside || deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, NOW(LAYER)))) == NO_SURFACE) continue;
+            if (!inside || deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, LAYER))) == NO_SURFACE) continue;
             variance += w * deviation * deviation;
             total += w;
         }
@@ -66,7 +66,7 @@ void main() {
     ivec2 p;
     if (!tile_pixel(LAYER, p)) return;
     ivec3 at = ivec3(p, LAYER);
-    uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
+    uvec4 guide = imageLoad(in_guide, ivec3(p, LAYER));
     if (guide_id(guide) == NO_SURFACE) return;
     Light light = light_at(p);
     bool known = light.deviation.x >= 0.0;
@@ -99,7 +99,7 @@ void main() {
         [[unroll]] for (int x = -RADIUS; x <= RADIUS; x++) {
             ivec2 q = p + ivec2(x, y) * push.step_size;
             bool inside = neighbour(q);
-            uvec4 other = imageLoad(in_guide, ivec3(q, NOW(LAYER)));
+            uvec4 other = imageLoad(in_guide, ivec3(q, LAYER));
             Light there = light_at(q);
             float k = KERNEL[RADIUS - 1][abs(x)] * KERNEL[RADIUS - 1][abs(y)];
             if (!inside || there.deviation.x < 0.0 || guide_id(other) == NO_SURFACE) k = 0.0;

@@ -15,8 +15,6 @@ layout(constant_id = 14) const uint PROJECTION = EITHER; // of the view, if a pi
 const int REAL = 0;
 const int VIRTUAL = 1;
 // Their layers in images with a history.
-#define NOW(layer) int(in_view.view.now[layer])
-#define BEFORE(layer) int(in_view.view.before[layer])
 #define LIGHT_NOW(layer) int(in_view.view.light_now[layer])
 #define LIGHT_BEFORE(layer) int(in_view.view.light_before[layer])
 

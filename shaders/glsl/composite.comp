@@ -48,7 +48,7 @@ void main() {
         return;
     }
     vec3 radiance = imageLoad(in_camera_radiance, p).rgb;
-    if (LIT != 0u && in_view.view.instance_count + in_view.view.light_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, NOW(REAL)))) != NO_SURFACE) {
+    if (LIT != 0u && in_view.view.instance_count + in_view.view.light_count > 0u && guide_id(imageLoad(in_guide, ivec3(p, REAL))) != NO_SURFACE) {
         Light light = result_unpack(imageLoad(in_light, ivec3(p, REAL)));
         if (DESPECKLE != 0u) settle_among_neighbours(p, light);
         light_decode(REAL, light);
@@ -56,7 +56,7 @@ void main() {
     }
     float coverage = VIRTUAL_SURFACES != 0u ? imageLoad(in_real_coverage, p).x : 1.0;
     if (coverage < 1.0) {
-        Light light = result_unpack(imageLoad(in_light, ivec3(p, VIRTUAL)));
+        Light light = result_unpack(imageLoad(in_virtual_light, ivec3(p, VIRTUAL)));
         light_decode(VIRTUAL, light);
         vec3 virtual_radiance = EMISSION != 0u ? imageLoad(in_emission, p).rgb : vec3(0.0);
         virtual_radiance += imageLoad(in_albedo_virtual, p).rgb * light.a * (1.0 / PI);

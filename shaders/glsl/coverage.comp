@@ -45,14 +45,14 @@ void main() {
         }
     }
     bool silhouette = inside && sum != 0.0 && sum != count, hidden = !silhouette && centre == 0.0;
-    uvec4 behind = imageLoad(guide, ivec3(p, NOW(REAL)));
+    uvec4 behind = imageLoad(guide, ivec3(p, REAL));
     bool was_hidden = (behind.y & HIDDEN) != 0u, real = inside && !hidden && (behind.w >> 24) != NO_SURFACE;
     // A tile that an object has left is visited once more.
     bool left = inside && imageLoad(real_coverage, p).x < 1.0;
     if (inside) imageStore(real_coverage, p, vec4(centre));
     if (inside && hidden != was_hidden) {
         behind.y ^= HIDDEN;
-        imageStore(guide, ivec3(p, NOW(REAL)), behind);
+        imageStore(guide, ivec3(p, REAL), behind);
     }
     if (inside && hidden) imageStore(out_mask, ivec3(p, REAL), vec4(0.0));
     append_pixels(bvec2(silhouette || (inside && inner_edge(p)), false), p);

@@ -22,7 +22,6 @@ layout(push_constant, scalar) uniform Push {
     uint values;      // what codes are: 0 nothing or `hit`, 1 a of packed light, 2 b, 3 a + b
     uint brief;       // 1: packed light is in brief
     vec2 light_scales; // on a and b of packed light
-    int channel;   // the channel to show, or -1 for all
     float exposure;
     uint tonemap;  // 0: clip, 1: Khronos PBR Neutral
     float raised;  // inverse_tonemap; at most 1 if nothing was raised
@@ -95,7 +94,6 @@ void main() {
         value.rgb = push.values == 1u ? a : push.values == 2u ? b : a + b;
     }
     vec4 other = texelFetch(in_other, min(at, textureSize(in_other, 0) - 1), 0);
-    if (push.channel >= 0) value = vec4(value[push.channel]);
     vec3 color = vec3(0.0);
     switch (push.look) {
     case RADIANCE: color = shown(value.rgb); break;

@@ -17,7 +17,7 @@ void main() {
     ivec2 p;
     if (!tile_pixel(REAL, p) || !is_followed(p)) return;
     uvec2 tile = uvec2(p) / 8u;
-    uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(REAL)));
+    uvec4 guide = imageLoad(in_guide, ivec3(p, REAL));
     vec4 motion = motion_of(vec2(p) + 0.5, guide_position(guide) - in_followed.item[tile.y * tile_count().x + tile.x].xyz, 0.0);
     vec2 at = vec2(p) + motion.xy, f = at - floor(at);
     Light sum = Light(vec3(0.0), vec3(0.0), vec2(0.0));
@@ -28,13 +28,14 @@ void main() {
         if (motion.z <= 0.0 || w <= 0.0 || history_weight(q, REAL, motion, guide) == 0.0) continue;
         float length = imageLoad(in_frames, ivec3(q, LIGHT_BEFORE(REAL))).y;
         if (length <= 0.0) continue;
-        Light light = brief_unpack(imageLoad(in_accumulated, ivec3(q, LIGHT_BEFORE(REAL))));
+        Light light = brief_unpack(imageLoad(in_accumulated, ivec3(q, REAL)));
         sum.b += w * light.b;
         sum.deviation += w * vec2(length, light.deviation.y);
         total += w;
     }
-    bool known = total > 0.01 && guide_id(guide) != NO_SURFACE;
+    bool known = total > 0.01;
     sum.b /= max(total, 1e-6);
     sum.deviation = known ? sum.deviation / total : vec2(0.0);
-    imageStore(out_followed_light, ivec3(p, REAL), brief_pack(sum));
+    // Where there is no surface the last frame's light stays.
+    if (guide_id(guide) != NO_SURFACE) imageStore(out_followed_light, ivec3(p, REAL), brief_pack(sum));
 }

@@ -6,7 +6,7 @@
 // Pass 1, gbuffer: primary visibility of panorama and objects at each pixel's centre (IPRT §2,
 // "preprocessing"). If no object is inserted, it writes L_cam alone. For a map of irradiance it writes real
 // surfaces alone.
-// In: panorama radiance, depth and normals; the scene. Out: position (m), normal, motion (pixels), guide of
+// In: panorama radiance, depth and normals; the scene. Out: guide of
 // the real surface; L_cam (radiance); hit, and the list of pixels that hit an object; M at the centre goes to
 // camera_radiance.w, and coverage refines it. Without objects in view: the tiles.
 #include "common.glsl"
@@ -17,8 +17,10 @@
 #include "trace.glsl"
 #include "scene.glsl"
 #include "guide.glsl"
+#include "past.glsl"
 #include "gbuffer.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 39) const uint PAST = 0; // 1: later passes ask what the last frame showed
 layout(constant_id = 28) const uint KEPT = 0; // 1: what is real is kept from the last frame
 
 void main() {
@@ -34,20 +36,20 @@ void main() {
         bool changed = KEPT == 0u;
         if (VIRTUAL_SURFACES != 0u) {
             if (KEPT != 0u) {
-                float t = imageLoad(position, ivec3(p, REAL)).w;
-                real.t = t > 0.0 ? t : FAR;
+                uvec4 known = imageLoad(guide, ivec3(p, REAL));
+                real.t = guide_has_position(known) ? distance(guide_position(known), origin) : FAR;
             }
             SceneHit found = primary_trace(origin, d, real.t, passes);
             met = inside && found.instance != NONE;
             // Few pixels show objects, and stores cost much: only what has changed is written.
             uvec4 had = inside ? imageLoad(hit, p) : uvec4(NONE, 0u, 0u, 0u);
             bool lost = had.x != NONE && !met;
+            if (PAST != 0u && inside && (had.x != NONE || had.y == HAD_HIT)) imageStore(out_past, ivec3(p, VIRTUAL), past_pack(imageLoad(guide, ivec3(p, VIRTUAL))));
             if (met) imageStore(hit, p, uvec4(found.instance, found.triangle, floatBitsToUint(found.barycentric)));
             else if (lost || (had.x == NONE && had.y == HAD_HIT)) imageStore(hit, p, uvec4(NONE, lost ? HAD_HIT : 0u, 0u, 0u));
             if (lost) write_no_virtual(p);
             changed = met || had.x != NONE;
-            // The guide is that of two frames ago.
-            if (inside && !met && (lost || had.y == HAD_HIT)) imageStore(guide, ivec3(p, NOW(VIRTUAL)), uvec4(0u));
+            if (inside && lost) imageStore(guide, ivec3(p, VIRTUAL), uvec4(0u));
         }
         if (inside && (KEPT == 0u || changed)) {
             vec3 radiance = KEPT != 0u ? imageLoad(camera_radiance, p).rgb : panorama_filtered(real.uv, pixel_angle());
@@ -64,13 +66,11 @@ void main() {
     // A free lamp hides objects and is not lit itself.
     bool has_real = inside && real.t < FAR && !real.lamp;
     if (inside) {
-        vec3 point = origin + d * (has_real ? real.t : 0.0);
+        if (PAST != 0u) imageStore(out_past, ivec3(p, REAL), past_pack(imageLoad(guide, ivec3(p, REAL))));
         vec3 normal = imageLoad(in_panorama_normal, real.texel).xyz;
         if (dot(normal, d) > 0.0) normal = -normal; // a camera off the centre sees it from behind
-        imageStore(position, ivec3(p, REAL), vec4(point, real.t < FAR ? real.t : 0.0));
-        imageStore(out_normal, ivec3(p, REAL), vec4(has_real ? normal : vec3(0.0), 1.0));
-        imageStore(guide, ivec3(p, NOW(REAL)), has_real ? guide_pack(point, normal, 1.0, REAL_SURFACE) : uvec4(0u));
-        imageStore(out_motion, ivec3(p, REAL), has_real ? motion_of(pixel, point, 0.0) : vec4(0.0));
+        uvec4 seen = guide_pack(origin + d * min(real.t, 1e15), normal, 1.0, has_real ? REAL_SURFACE : NO_SURFACE);
+        imageStore(guide, ivec3(p, REAL), real.t < FAR ? seen : uvec4(0u));
     }
     if (VIRTUAL_SURFACES != 0u) append_pixels(bvec2(false, met), p);
     else append_tile(has_real, false);

@@ -104,21 +104,16 @@ void write_virtual(ivec2 p, SceneHit met, vec3 d, float opacity) {
         vec3 point = tri.v0 + tri.e1 * met.barycentric.x + tri.e2 * met.barycentric.y;
         previous = transform_point(in_instances.instance[met.instance].previous_object_to_world, point);
     }
-    imageStore(position, ivec3(p, VIRTUAL), vec4(s.position, met.t));
-    imageStore(out_normal, ivec3(p, VIRTUAL), vec4(to_half(s.normal), s.roughness));
     // Relative to where the ray meets the image, so that a surface seen beside the pixel's centre is followed.
-    vec4 motion = motion_of(vec2(p) + 0.5, previous, float(in_instances.instance[met.instance].id));
-    imageStore(out_motion, ivec3(p, VIRTUAL), motion);
+    const float MOST = 65000.0;
+    imageStore(out_motion, p, clamp(motion_of(vec2(p) + 0.5, previous, 0.0), -MOST, MOST));
     imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, 0.0));
     if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
-    imageStore(guide, ivec3(p, NOW(VIRTUAL)), guide_pack(s.position, s.normal, s.roughness, guide_object(in_instances.instance[met.instance].id)));
+    imageStore(guide, ivec3(p, VIRTUAL), guide_pack(s.position, s.normal, s.roughness, guide_object(in_instances.instance[met.instance].id)));
 }
 #endif
 
 void write_no_virtual(ivec2 p) {
-    imageStore(position, ivec3(p, VIRTUAL), vec4(0.0));
-    imageStore(out_normal, ivec3(p, VIRTUAL), vec4(0.0));
-    imageStore(out_motion, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_mask, ivec3(p, VIRTUAL), vec4(0.0));
     imageStore(out_albedo_virtual, p, vec4(0.0));
     if (EMISSION != 0u) imageStore(out_emission, p, vec4(0.0));

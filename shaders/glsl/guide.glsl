@@ -1,6 +1,6 @@
-// What tells two surfaces apart, in 16 bytes: position (m) with roughness in the lowest bits of x and HIDDEN in
-// that of y, then the normal in steps of 1/127 and the object. Passes that look at many neighbours read this
-// alone.
+// A surface in 16 bytes: position (m), the normal in steps of 1/127, and the object. The position's lowest bits, a
+// millionth of it, hold more: those of x the roughness, those of y HIDDEN, and those of y and z the normal in quarters
+// of its steps. A lamp has a position and is NO_SURFACE.
 
 const uint NO_SURFACE = 0u;
 const uint REAL_SURFACE = 1u;
@@ -11,16 +11,25 @@ uint guide_object(uint instance_id) { return 2u + instance_id % 254u; }
 
 uvec4 guide_pack(vec3 position, vec3 normal, float roughness, uint object) {
     uvec3 p = floatBitsToUint(position) & ~15u;
-    uvec3 n = uvec3(ivec3(round(normal * 127.0))) & 0xffu;
-    return uvec4(p.x | uint(clamp(roughness, 0.0, 1.0) * 15.0 + 0.5), p.yz, n.x | n.y << 8 | n.z << 16 | object << 24);
+    ivec3 steps = ivec3(round(normal * 127.0));
+    uvec3 n = uvec3(steps) & 0xffu, q = uvec3(clamp(ivec3(round(normal * (4.0 * 127.0))) - 4 * steps, -2, 1) + 2);
+    p |= uvec3(uint(clamp(roughness, 0.0, 1.0) * 15.0 + 0.5), q.x << 1 | (q.y & 1u) << 3, q.y >> 1 | q.z << 1);
+    return uvec4(p, n.x | n.y << 8 | n.z << 16 | object << 24);
 }
 
 uint guide_id(uvec4 guide) { return (guide.y & HIDDEN) != 0u ? NO_SURFACE : guide.w >> 24; }
 vec3 guide_position(uvec4 guide) { return uintBitsToFloat(guide.xyz); }
+bool guide_has_position(uvec4 guide) { return any(greaterThan(guide.xyz, uvec3(15u))); }
 float guide_roughness(uvec4 guide) { return float(guide.x & 15u) * (1.0 / 15.0); }
 
 // Returns the normal, times 127.
 vec3 guide_normal(uvec4 guide) { return vec3((ivec3(guide.www) << ivec3(24, 16, 8)) >> 24); }
+
+// Returns the unit normal, to 0.1 degree.
+vec3 guide_unit_normal(uvec4 guide) {
+    vec3 quarters = vec3((guide.y >> 1) & 3u, (guide.y >> 3 & 1u) | (guide.z & 1u) << 1, (guide.z >> 1) & 3u);
+    return normalize(4.0 * guide_normal(guide) + quarters - 2.0);
+}
 
 // Returns how far a neighbour's normal is turned, as facing^32, or 0 if it is another object.
 float guide_facing(uvec4 guide, vec3 normal, uvec4 other) {

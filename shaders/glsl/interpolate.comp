@@ -17,7 +17,7 @@ void main() {
     ivec2 p;
     if (!tile_pixel(LAYER, p)) return;
     if (imageLoad(in_mask, ivec3(p, LAYER)).x >= 0.0) return;
-    uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
+    uvec4 guide = imageLoad(in_guide, ivec3(p, LAYER));
     vec3 position = guide_position(guide), normal = guide_normal(guide);
     float distance = length(position - in_view.view.position);
     Light sum = Light(vec3(0.0), vec3(0.0), vec2(0.0));
@@ -26,7 +26,7 @@ void main() {
         for (int x = -RADIUS; x <= RADIUS; x++) {
             ivec2 q = p + ivec2(x, y);
             if (!neighbour(q) || imageLoad(in_mask, ivec3(q, LAYER)).x <= 0.0) continue;
-            uvec4 other = imageLoad(in_guide, ivec3(q, NOW(LAYER)));
+            uvec4 other = imageLoad(in_guide, ivec3(q, LAYER));
             float distance2 = float(x * x + y * y);
             float apart = guide_off_plane(position, normal, other) / guide_tolerance(distance, sqrt(distance2));
             apart += distance2 / float(RADIUS * RADIUS) + 8.0 * abs(guide_roughness(other) - guide_roughness(guide));

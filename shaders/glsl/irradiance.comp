@@ -8,7 +8,7 @@
 // E_R from the same random numbers (W/m² up to the capture's scale). Virtual surfaces get E of the
 // Lambert lobe and the radiance of all others. Rays see real surfaces relit, and virtual ones by paths of up
 // to `bounces` vertices.
-// In: list, or what aim left of it; position, normal, hit, real_coverage, albedo_virtual; panorama, scene, relit
+// In: list, or what aim left of it; guide, hit, real_coverage, albedo_virtual; panorama, scene, relit
 // panorama. Out: irradiance (E_R and ΔE | E and the rest).
 #include "irradiance.glsl"
 #include "reflection.glsl"
@@ -119,11 +119,13 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
 
 void virtual_surface_light(ivec2 p) {
     Random random = random_begin(uvec2(p), uint(VIRTUAL));
-    vec4 point = imageLoad(in_position, ivec3(p, VIRTUAL));
     uvec4 id = imageLoad(in_hit, p);
+    SceneHit on = SceneHit(0.0, id.x, id.y, uintBitsToFloat(id.zw));
+    vec3 ray = scene_point(on) - view_origin(vec2(p) + 0.5);
+    on.t = length(ray);
     Seen seen;
-    seen.from_eye = normalize(point.xyz - view_origin(vec2(p) + 0.5));
-    seen.surface = scene_surface(SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw)), seen.from_eye, point.w * pixel_angle());
+    seen.from_eye = ray / on.t;
+    seen.surface = scene_surface(on, seen.from_eye, on.t * pixel_angle());
     seen.lobes = bsdf_lobes(seen.surface, -seen.from_eye);
     // Of what is virtual in the pixel this surface is a part, if it is half transparent. What lies behind it is
     // the rest, as far as it is virtual: M knows the real part.
@@ -143,7 +145,7 @@ void virtual_surface_light(ivec2 p) {
         vec4 texel = vec4(0.0);
         if (is_smooth) {
             if (reflected.t <= 0.0) reflected.t = real_distance(seen.surface.position, reflect(seen.from_eye, seen.surface.normal));
-            texel = reflection_motion(vec2(p) + 0.5, seen.surface, SceneHit(point.w, id.x, id.y, uintBitsToFloat(id.zw)), seen.from_eye, reflected.t, reflected.moved);
+            texel = reflection_motion(vec2(p) + 0.5, seen.surface, on, seen.from_eye, reflected.t, reflected.moved);
         }
         imageStore(out_reflected, ivec3(p, LIGHT_NOW(VIRTUAL) & 1), texel);
     }

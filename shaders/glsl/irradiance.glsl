@@ -324,7 +324,8 @@ struct RealStart { vec3 normal; vec3 off_real; vec3 off_virtual; };
 // Returns where rays leave a real surface: by more than the steps of its depth for those through the real
 // scene, and by almost nothing for those to objects, so that a contact shadow begins at the contact.
 RealStart real_start(ivec2 p) {
-    vec3 point = imageLoad(in_position, ivec3(p, REAL)).xyz, normal = imageLoad(in_normal, ivec3(p, REAL)).xyz;
+    uvec4 guide = imageLoad(in_guide, ivec3(p, REAL));
+    vec3 point = guide_position(guide), normal = guide_unit_normal(guide);
     float off = FAULT == FAULT_RAYS_FROM_BELOW ? -2e-3 : 2e-3;
     return RealStart(normal, point + normal * (off * length(point)), point + normal * 1e-4);
 }
@@ -348,12 +349,12 @@ Ray real_ray(Aim aim, RealStart from) {
 // much in the last frame, `least_share` where they changed nothing. What is not traced is made up for by the
 // weight of what is.
 float traced_share(ivec2 p) {
-    vec4 motion = imageLoad(in_motion, ivec3(p, REAL));
+    vec4 motion = motion_of(vec2(p) + 0.5, guide_position(imageLoad(in_guide, ivec3(p, REAL))), 0.0);
     ivec2 q = push.still != 0u ? p : ivec2(floor(vec2(p) + 0.5 + motion.xy));
     if (push.history_valid == 0u || motion.z <= 0.0 || !neighbour(q)) return 1.0;
     Light last = result_unpack(imageLoad(in_light, ivec3(q, REAL)));
     light_decode(REAL, last);
-    if (last.deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, NOW(REAL)))) == NO_SURFACE) return 1.0;
+    if (last.deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, REAL))) == NO_SURFACE) return 1.0;
     const float ALL = 0.04; // a relative change above which all rays are traced
     return clamp(luminance(abs(last.b)) / (ALL * max(luminance(last.a), 1e-20)), push.least_share, 1.0);
 }

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Pass 2, sampling_mask: chooses the pixels that are traced this frame, and lists them for real and for
 // virtual surfaces (IPRT §2, "sparse sampling mask").
-// In: tiles, changes, guide now and a frame ago, motion, frames. Out: mask (paths; 0 nothing there, -1 not traced), list,
+// In: tiles, changes, guide now and a frame ago, motion of virtual surfaces, frames. Out: mask (paths; 0 nothing there, -1 not traced), list,
 // arguments; irradiance of pixels that nothing will fill.
 #include "common.glsl"
 #include "parts.glsl"
@@ -42,7 +42,7 @@ uint discontinuity_share(ivec2 p, int layer, uvec4 guide) {
         for (int x = -2; x <= 2; x++) {
             ivec2 q = p + ivec2(x, y);
             if (!neighbour(q)) continue;
-            uvec4 other = imageLoad(in_guide, ivec3(q, NOW(layer)));
+            uvec4 other = imageLoad(in_guide, ivec3(q, layer));
             bool same = guide_id(other) == guide_id(guide) && guide_off_plane(position, normal, other) <= most
                 && dot(guide_normal(other), normal) >= push.mask_cosine * (127.0 * 127.0);
             if (same) continue;
@@ -81,7 +81,7 @@ float path_count(ivec2 p, int layer, uvec4 guide) {
 void main() {
     ivec2 p;
     bool inside = tile_pixel(LAYER, p);
-    uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
+    uvec4 guide = imageLoad(in_guide, ivec3(p, LAYER));
     bool present = inside && in_view.view.instance_count + in_view.view.light_count > 0u && guide_id(guide) != NO_SURFACE;
     float paths = present ? path_count(p, LAYER, guide) : 0.0;
     bool trace = paths > 0.0;

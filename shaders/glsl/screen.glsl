@@ -9,9 +9,10 @@ const float SCREEN_GAP = 1.0;
 // along `axis`, the view's axis, or from the camera if `axis` is 0.
 bool screen_hit(ivec2 p, float near, float far, vec3 axis, inout SceneHit hit) {
     if (!neighbour(p)) return false;
-    vec4 point = imageLoad(in_position, ivec3(p, VIRTUAL));
-    if (point.w <= 0.0) return false;
-    float depth = axis == vec3(0.0) ? point.w : dot(point.xyz - in_view.view.position, axis);
+    uvec4 guide = imageLoad(in_guide, ivec3(p, VIRTUAL));
+    if (guide_id(guide) == NO_SURFACE) return false;
+    vec3 off = guide_position(guide) - in_view.view.position;
+    float depth = axis == vec3(0.0) ? length(off) : dot(off, axis);
     if (far < depth || near > depth + push.screen_thickness) return false;
     uvec4 id = imageLoad(in_hit, p);
     hit = SceneHit(0.0, id.x, id.y, uintBitsToFloat(id.zw));

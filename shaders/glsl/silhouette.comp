@@ -6,7 +6,7 @@
 // Pass 1, gbuffer (last dispatch): pixels that show several surfaces, by rays through points of the pixel: M, and
 // the means of k_V and of what the virtual surfaces emit. A pixel whose centre is real but whose edge is virtual
 // gets its virtual surface here, from the hit nearest to the centre.
-// In: list, camera_radiance.w; panorama, scene. Out: coverage (0…1); position, normal, motion, guide, k_V,
+// In: list, camera_radiance.w; panorama, scene. Out: coverage (0…1); motion, guide, k_V,
 // emission, hit of virtual surfaces; guide of real ones, marked where nothing of them is seen.
 #include "common.glsl"
 #include "parts.glsl"
@@ -53,9 +53,9 @@ void main() {
     }
     imageStore(real_coverage, p, vec4(real_count / float(n)));
     if (real_count == 0.0) {
-        uvec4 behind = imageLoad(guide, ivec3(p, NOW(REAL)));
+        uvec4 behind = imageLoad(guide, ivec3(p, REAL));
         behind.y |= HIDDEN;
-        imageStore(guide, ivec3(p, NOW(REAL)), behind);
+        imageStore(guide, ivec3(p, REAL), behind);
         imageStore(out_mask, ivec3(p, REAL), vec4(0.0));
     }
     if (imageLoad(in_camera_radiance, p).w == 1.0 && nearest < FAR) {

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Pass 1, gbuffer (third dispatch): the virtual surfaces at the centres of pixels, shaded.
-// In: list, hit, real_coverage; the scene. Out: position, normal, motion, guide, k_V, emission of virtual surfaces.
+// In: list, hit, real_coverage; the scene. Out: motion, guide, k_V, emission of virtual surfaces.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"

@@ -3,7 +3,7 @@
 // Pass 5, temporal: accumulation along motion vectors, with disocclusion tests. The history is clamped to the
 // mean and spread of this frame's neighbourhood.
 // In: tiles, changes, mask, irradiance of this frame (or what atrous made of it, if it comes first), guide now and
-// a frame ago, motion; of the last frame accumulated, or a and b, and frames. Out: accumulated (a and b, with the
+// a frame ago, motion; of the last frame in_accumulated (accumulated itself where the layer stands), or a and b, and frames. Out: accumulated (a and b, with the
 // deviations of the mean), frames; where that would not do a and b (w: second moment of the luminance).
 #include "common.glsl"
 #include "parts.glsl"
@@ -30,6 +30,8 @@ layout(push_constant, scalar) uniform Push {
     float history_change;
 } push;
 
+const bool MOVES = STANDS != STILL && STANDS != STEADY;
+
 // The history of a surface. `spread` holds second moments of the luminances, or with BRIEF variances.
 struct History { vec3 a; vec3 b; vec2 spread; vec2 frames; };
 
@@ -47,7 +49,8 @@ vec2 counted(vec2 frames) {
 void add(inout History sum, ivec2 q, int layer, float w) {
     ivec3 at = ivec3(q, layer);
     if (BRIEF != 0u) {
-        Light light = brief_unpack(imageLoad(accumulated, at));
+        ivec3 there = ivec3(q, LAYER);
+        Light light = brief_unpack(MOVES ? imageLoad(in_accumulated, there) : imageLoad(accumulated, there));
         sum.a += w * light.a;
         sum.b += w * light.b;
         sum.spread += w * light.deviation * light.deviation; // of the mean, until it is known how many frames that is of
@@ -79,7 +82,7 @@ const float RESAMPLED = 2.0; // frames
 // one does: something at the distance that this then had. `q` wraps.
 float reflection_weight(inout ivec2 q, vec4 reflected, uvec4 guide) {
     if (!neighbour(q)) return 0.0;
-    uvec4 then = imageLoad(in_guide, ivec3(q, BEFORE(VIRTUAL)));
+    uvec4 then = past_guide(imageLoad(in_past, ivec3(q, VIRTUAL)));
     if (guide_id(then) != guide_id(guide) || abs(guide_roughness(then) - guide_roughness(guide)) > 0.1) return 0.0;
     float distance = imageLoad(in_reflected, ivec3(q, LIGHT_BEFORE(VIRTUAL) & 1)).z;
     if (distance <= 0.0 || (guide_roughness(guide) < SHARP && abs(distance - reflected.w) > 0.1 * reflected.w)) return 0.0;
@@ -132,7 +135,7 @@ void main() {
         imageStore(frames, kept, vec4(0.0));
         return;
     }
-    uvec4 guide = imageLoad(in_guide, ivec3(p, NOW(LAYER)));
+    uvec4 guide = imageLoad(in_guide, ivec3(p, LAYER));
     Light light = light_of_frame(at);
     bool fresh = FILTERED != 0u ? light.deviation.x >= 0.0 : mask > 0.0;
     float paths = FILTERED != 0u ? 1.0 : max(mask, 1.0);
@@ -142,7 +145,7 @@ void main() {
     vec2 age = vec2(fresh ? paths : known ? 0.5 : 0.0);
 
     History old = reproject(p, guide);
-    if (REFLECTIONS != 0u && STANDS != STILL && STANDS != STEADY && mask > 0.0 && push.history_valid != 0u) {
+    if (REFLECTIONS != 0u && MOVES && mask > 0.0 && push.history_valid != 0u) {
         // What a smooth surface reflects has a history where that was seen.
         vec4 reflected = imageLoad(in_reflected, ivec3(p, LIGHT_NOW(VIRTUAL) & 1));
         if (reflected.z > 0.0) {
@@ -156,7 +159,8 @@ void main() {
         }
     }
     if (FOLLOWS != 0u && LAYER == REAL && old.frames.y > 0.0 && is_followed(p)) {
-        Light followed = brief_unpack(imageLoad(in_followed_light, at));
+        // Where the layer moves, it is where the new history goes.
+        Light followed = brief_unpack(MOVES ? imageLoad(accumulated, at) : imageLoad(in_followed_light, at));
         if (followed.deviation.x > 0.0) {
             old.b = followed.b;
             old.frames.y = followed.deviation.x;
@@ -177,7 +181,7 @@ void main() {
                     if (any(greaterThan(offset, ivec2(2))) || !neighbour(q)) continue;
                     float taken = imageLoad(in_mask, ivec3(q, LAYER)).x;
                     if (FILTERED != 0u ? taken == 0.0 : taken <= 0.0) continue;
-                    if (guide_id(imageLoad(in_guide, ivec3(q, NOW(LAYER)))) != guide_id(guide)) continue;
+                    if (guide_id(imageLoad(in_guide, ivec3(q, LAYER))) != guide_id(guide)) continue;
                     Light other = light_of_frame(ivec3(q, LAYER));
                     mean_a += other.a; square_a += other.a * other.a;
                     mean_b += other.b; square_b += other.b * other.b;
@@ -209,7 +213,7 @@ void main() {
     imageStore(frames, kept, vec4(age, 0.0, 0.0));
     if (BRIEF != 0u) {
         uint random = hash(in_view.view.frame + hash(uint(p.x) | uint(p.y) << 16u));
-        imageStore(accumulated, kept, known ? brief_pack_by_chance(light, random) : LIGHT_UNKNOWN);
+        imageStore(accumulated, at, known ? brief_pack_by_chance(light, random) : LIGHT_UNKNOWN);
     } else {
         imageStore(a, kept, vec4(light.a, spread.x));
         if (has_b(LAYER)) imageStore(b, kept, vec4(light.b, spread.y));

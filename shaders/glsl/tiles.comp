@@ -13,6 +13,7 @@
 #include "tiles.glsl"
 #include "turn.glsl"
 #include "guide.glsl"
+#include "past.glsl"
 #include "panorama.glsl"
 #include "trace.glsl"
 #include "light.glsl"
@@ -23,6 +24,7 @@ layout(push_constant, scalar) uniform Push {
     uint history_valid;
     float history_change;
     float rest_noise; // of the light
+    uint still; // a bit for each layer: 1 if it shows what it showed in the last frame
 } push;
 layout(constant_id = 38) const uint FOLLOWS = 0; // 1: temporal follows what moves with an object
 layout(constant_id = 36) const uint RESTS = 0; // 1: atrous tells how noisy a tile is
@@ -153,14 +155,16 @@ void main() {
         vec2 change = push.history_valid != 0u ? changes.item[place].xy : vec2(0.0);
         bool another = false, visited_last = false, follows = false;
         vec3 moved = vec3(0.0);
+        bool stands = ((push.still >> layer) & 1u) != 0u;
         if (in_view.view.mover_count + in_view.view.new_video > 0u) {
             vec2 most = vec2(0.0);
             Change largest = Change(0.0, 0.0, 0.0, vec3(FAR));
             [[unroll]] for (int i = 0; i < 4; i++) {
                 ivec2 q = min(at * 8 + ivec2(i & 1, i >> 1) * 5 + 1, ivec2(in_view.view.size) - 1);
-                uvec4 guide = imageLoad(in_guide, ivec3(q, NOW(layer))), then = imageLoad(in_guide, ivec3(q, BEFORE(layer)));
-                float distance_now = length(guide_position(guide) - in_view.view.position), distance_then = length(guide_position(then) - in_view.view.position);
-                another = another || guide_id(guide) != guide_id(then) || abs(distance_then - distance_now) > 0.15 * distance_now;
+                uvec4 guide = imageLoad(in_guide, ivec3(q, layer)), past = imageLoad(in_past, ivec3(q, layer));
+                float distance_now = length(guide_position(guide) - in_view.view.position);
+                bool differs = guide_id(guide) != guide_id(past_guide(past)) || abs(past_distance(past) - distance_now) > 0.15 * distance_now;
+                another = another || (differs && !stands);
                 if (guide_id(guide) == NO_SURFACE) continue;
                 Change by_objects = change_at(guide_position(guide), guide_normal(guide) / 127.0, guide_id(guide));
                 most = max(most, vec2(video_change_at(guide_position(guide), layer), by_objects.all));

@@ -353,7 +353,7 @@ impl Parts {
         let builder = || unsafe { Builder::new(&instance, handle, &self.device) };
         let builder = self.chosen.lacks_for_ray_queries.is_empty().then(builder);
         let mut storage = features.map(|f| f.contains(vk::FormatFeatureFlags::STORAGE_IMAGE));
-        for extended in [Format::Rg16f, Format::Rg32f] {
+        for extended in [Format::R16f, Format::Rg16f, Format::Rg32f, Format::Rg32u] {
             storage[extended as usize] &= self.chosen.extended_formats;
         }
         let shared = Shared {

@@ -20,10 +20,14 @@ use crate::{Error, Result};
 pub enum Format {
     /// One 32-bit float.
     R32f,
+    /// One 16-bit float.
+    R16f,
     /// Two 16-bit floats.
     Rg16f,
     /// Two 32-bit floats.
     Rg32f,
+    /// Two 32-bit unsigned integers.
+    Rg32u,
     /// Four 8-bit codes that stand for 0 to 1.
     Rgba8,
     /// Four 16-bit floats.
@@ -37,14 +41,25 @@ pub enum Format {
 }
 
 impl Format {
-    pub(super) const ALL: [Self; 8] =
-        [Self::R32f, Self::Rg16f, Self::Rg32f, Self::Rgba8, Self::Rgba16f, Self::Rgba32f, Self::R32u, Self::Rgba32u];
+    pub(super) const ALL: [Self; 10] = [
+        Self::R32f,
+        Self::R16f,
+        Self::Rg16f,
+        Self::Rg32f,
+        Self::Rg32u,
+        Self::Rgba8,
+        Self::Rgba16f,
+        Self::Rgba32f,
+        Self::R32u,
+        Self::Rgba32u,
+    ];
 
     /// Bytes of one texel.
     pub const fn bytes(self) -> u64 {
         match self {
+            Self::R16f => 2,
             Self::R32f | Self::R32u | Self::Rg16f | Self::Rgba8 => 4,
-            Self::Rg32f | Self::Rgba16f => 8,
+            Self::Rg32f | Self::Rg32u | Self::Rgba16f => 8,
             Self::Rgba32f | Self::Rgba32u => 16,
         }
     }
@@ -52,8 +67,10 @@ impl Format {
     pub(super) const fn vulkan(self) -> vk::Format {
         match self {
             Self::R32f => vk::Format::R32_SFLOAT,
+            Self::R16f => vk::Format::R16_SFLOAT,
             Self::Rg16f => vk::Format::R16G16_SFLOAT,
             Self::Rg32f => vk::Format::R32G32_SFLOAT,
+            Self::Rg32u => vk::Format::R32G32_UINT,
             Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
             Self::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,

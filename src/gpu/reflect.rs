@@ -312,8 +312,10 @@ impl<'a> Shader<'a> {
                 let Operand::ImageFormat(format) = format else { return unknown() };
                 let format = match format {
                     ImageFormat::R32f => Format::R32f,
+                    ImageFormat::R16f => Format::R16f,
                     ImageFormat::Rg16f => Format::Rg16f,
                     ImageFormat::Rg32f => Format::Rg32f,
+                    ImageFormat::Rg32ui => Format::Rg32u,
                     ImageFormat::Rgba16f => Format::Rgba16f,
                     ImageFormat::Rgba32f => Format::Rgba32f,
                     ImageFormat::Rgba8 => Format::Rgba8,

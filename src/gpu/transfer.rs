@@ -200,8 +200,10 @@ fn decode(format: Format, bytes: &[u8]) -> Vec<[f32; 4]> {
         Format::Rg32f => pack(2, words().map(f32::from_le_bytes).collect()),
         Format::Rgba32f => pack(4, words().map(f32::from_le_bytes).collect()),
         Format::Rgba8 => pack(4, bytes.iter().map(|&code| f32::from(code) / 255.0).collect()),
+        Format::R16f => pack(1, halves().collect()),
         Format::Rg16f => pack(2, halves().collect()),
         Format::Rgba16f => pack(4, halves().collect()),
+        Format::Rg32u => pack(2, words().map(|b| u32::from_le_bytes(b) as f32).collect()),
         Format::R32u => pack(1, words().map(|b| u32::from_le_bytes(b) as f32).collect()),
         Format::Rgba32u => pack(4, words().map(|b| u32::from_le_bytes(b) as f32).collect()),
     }
@@ -220,8 +222,10 @@ mod tests {
         assert_eq!(decode(Format::Rg32f, &f(&[1.5, 2.0])), [[1.5, 2.0, 0.0, 0.0]]);
         assert_eq!(decode(Format::Rgba32f, &f(&[1.0, 2.0, 3.0, 4.0])), [[1.0, 2.0, 3.0, 4.0]]);
         assert_eq!(decode(Format::Rgba16f, &h), [[1.0, -2.0, 0.5, 4.0]]);
+        assert_eq!(decode(Format::R16f, &h[..2]), [[1.0, 0.0, 0.0, 0.0]]);
         assert_eq!(decode(Format::Rgba8, &[255, 0, 51, 255]), [[1.0, 0.0, 0.2, 1.0]]);
         assert_eq!(decode(Format::R32u, &u(&[7])), [[7.0, 0.0, 0.0, 0.0]]);
+        assert_eq!(decode(Format::Rg32u, &u(&[7, 8])), [[7.0, 8.0, 0.0, 0.0]]);
         assert_eq!(decode(Format::Rgba32u, &u(&[1, 2, 3, 4])), [[1.0, 2.0, 3.0, 4.0]]);
     }
 }

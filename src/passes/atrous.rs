@@ -72,13 +72,13 @@ impl Atrous {
             level if level + 1 == settings.atrous_levels => &self.last,
             _ => &self.middle,
         };
-        let image = |level| view.image(Self::name(level, settings));
-        let special = [("in_light", Bind::from(image(level)?)), ("out_light", Bind::from(image(level + 1)?))];
         // The map is seen in mirrors, and so coarse that all it has is seen.
         let unseen = if view.role == Role::Picture { UNSEEN } else { 0.0 };
         // The farther apart, the less may be taken for noise (after Dammertz et al. 2010, §3), where edges are shadows'.
         let narrowed = [settings.sigma_luminance / ((1 << level) as f32).sqrt(), settings.sigma_luminance];
         (0..).zip(kernels).try_for_each(|(layer, kernel)| {
+            let image = |level| view.light(Self::name(level, settings), layer);
+            let special = [("in_light", Bind::from(image(level)?)), ("out_light", Bind::from(image(level + 1)?))];
             let push = AtrousPush { step_size: 1 << level, sigma_luminance: narrowed[layer as usize], unseen };
             frame.barrier(LAYERS_FOLLOW);
             kernel.dispatch(frame, &special, &[&view.resources], &push, view.tiles(layer))
@@ -88,11 +88,6 @@ impl Atrous {
     /// The image that holds a and b after the last level.
     pub fn result(settings: &Settings) -> &'static str {
         Self::name(settings.atrous_levels, settings)
-    }
-
-    /// An image that holds nothing until `temporal` is through, if there is one.
-    pub fn spare(settings: &Settings) -> Option<&'static str> {
-        (settings.atrous_levels > 1).then(|| Self::name(settings.atrous_levels - 1, settings))
     }
 
     /// Whether an image holds light in brief: what this pass leaves, and what it reads if it can.
@@ -108,7 +103,7 @@ impl Atrous {
         match level {
             0 if of_this_frame(settings) => "irradiance",
             0 => "accumulated",
-            odd if odd % 2 == 1 => "filtered",
+            level if (settings.atrous_levels - level).is_multiple_of(2) => "filtered",
             _ => "scratch",
         }
     }

@@ -2,11 +2,11 @@
 
 use super::{
     resources::Kernel,
-    view::{LAYERS_FOLLOW, REAL, Role, View},
+    view::{LAYERS_FOLLOW, REAL, Role, VIRTUAL, View},
 };
 use crate::{
     Result,
-    gpu::{Bind, Frame, Gpu, Image, Threads},
+    gpu::{Bind, Frame, Gpu, Threads},
     plan::{Part, Plan},
     shaders,
 };
@@ -39,21 +39,28 @@ impl Composite {
         Ok(Self { all: kernel(REAL, false)?, visited })
     }
 
-    /// Records the dispatches. `light` holds a and b after filtering, if the plan has any. `still` says that what
-    /// is real is as it was, so that only the tiles that were visited can have changed.
-    pub fn record(&self, frame: &mut Frame, view: &View, light: Option<&Image>, still: bool) -> Result<()> {
+    /// Records the dispatches. `light` names what holds a and b after filtering, if the plan has any. `still` says that
+    /// what is real is as it was, so that only the tiles that were visited can have changed.
+    pub fn record(&self, frame: &mut Frame, view: &View, light: Option<&str>, still: bool) -> Result<()> {
         // Without any, the stand-in for what is left out is bound.
-        let light = light.map(Bind::from).or_else(|| view.resources.find("irradiance"));
-        let special = light.map(|light| ("in_light", light));
+        let light = |layer| match light {
+            Some(light) => view.light(light, layer).map(|image| Some(Bind::from(image))),
+            None => Ok(view.resources.find("irradiance")),
+        };
+        let [real, seen] = [light(REAL)?, light(VIRTUAL)?];
+        let special: Vec<_> = [("in_light", real), ("in_virtual_light", seen)]
+            .into_iter()
+            .filter_map(|(name, bind)| Some((name, bind?)))
+            .collect();
         let pools = [&view.resources];
         if !still {
             let threads = Threads::Size([view.size[0], view.size[1], 1]);
-            return self.all.dispatch(frame, special.as_slice(), &pools, &(), threads);
+            return self.all.dispatch(frame, &special, &pools, &(), threads);
         }
         frame.scope("composite", |frame| {
             self.visited.iter().try_for_each(|(layer, kernel)| {
                 frame.barrier(LAYERS_FOLLOW);
-                kernel.dispatch(frame, special.as_slice(), &pools, &(), view.tiles(*layer))
+                kernel.dispatch(frame, &special, &pools, &(), view.tiles(*layer))
             })
         })
     }

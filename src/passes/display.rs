@@ -104,7 +104,6 @@ gpu_struct! {
         pub values: u32,
         pub brief: u32,
         pub light_scales: [f32; 2],
-        pub channel: i32,
         pub exposure: f32,
         pub tonemap: u32,
         pub raised: f32,
@@ -124,12 +123,27 @@ pub enum Values {
     B,
     /// As the sum of a and b.
     Sum,
+    /// Packed, so that `geometry` makes an image of them: a position,
+    Position,
+    /// a normal and roughness,
+    Normal,
+    /// a motion,
+    Motion,
+    /// the number of an object.
+    Object,
+}
+
+impl Values {
+    /// Whether the pass `geometry` unpacks them.
+    pub const fn is_geometry(self) -> bool {
+        matches!(self, Self::Position | Self::Normal | Self::Motion | Self::Object)
+    }
 }
 
 /// Where the values of an AOV are on the device.
-#[derive(Clone, Copy, Debug)]
-pub struct Source<'a> {
-    pub image: &'a Image,
+#[derive(Clone, Debug)]
+pub struct Source {
+    pub image: Image,
     /// Its layer.
     pub layer: u32,
     /// How it holds them.
@@ -138,15 +152,13 @@ pub struct Source<'a> {
     pub brief: bool,
     /// Factors on a and b of packed light.
     pub scales: [f32; 2],
-    /// The one channel to show, or all for `None`.
-    pub channel: Option<usize>,
 }
 
 /// What to show, and how.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Input<'a> {
     /// Where the values are.
-    pub source: Source<'a>,
+    pub source: Source,
     /// The picture that it is compared with.
     pub other: Option<&'a Image>,
     /// What the numbers mean.
@@ -184,7 +196,7 @@ impl Display {
 
     pub fn record(&self, frame: &mut Frame, input: &Input, picture: &Image) -> Result<()> {
         let [floats, codes] = &self.nothing;
-        let Source { image, layer, values, brief, scales, channel } = input.source;
+        let Source { ref image, layer, values, brief, scales } = input.source;
         let is_code = input.look == Meaning::Code || values != Values::Floats;
         let push = Push {
             size: picture.size(),
@@ -193,7 +205,6 @@ impl Display {
             values: values as u32,
             brief: u32::from(brief),
             light_scales: scales,
-            channel: channel.map_or(-1, |channel| channel as i32),
             exposure: input.exposure,
             tonemap: input.tonemap as u32,
             raised: input.raised[0],

@@ -1,7 +1,8 @@
 //! The passes, one file each. Shaders, timings and documents use the file's name. [`PASSES`] is their table.
 //!
 //! Each runs on a [`view::View`], which is the picture or the relit panorama's map. [`trace_rays`] runs
-//! outside of frames, and so do [`display`] and [`unknown`], which serve the window.
+//! outside of frames, and so do [`geometry`], which serves whoever reads images, and [`display`] and [`unknown`],
+//! which serve the window.
 
 pub mod acceleration;
 pub mod atrous;
@@ -12,6 +13,7 @@ pub mod display;
 pub mod fault;
 pub mod free_lamps;
 pub mod gbuffer;
+pub mod geometry;
 pub mod interpolate;
 pub mod irradiance;
 pub mod light_table;

@@ -30,7 +30,7 @@ gpu_struct! {
 
 gpu_struct! {
     /// Push constants of `tiles.comp`.
-    pub struct TilesPush { pub turns: u32, pub history_valid: u32, pub history_change: f32, pub rest_noise: f32 }
+    pub struct TilesPush { pub turns: u32, pub history_valid: u32, pub history_change: f32, pub rest_noise: f32, pub still: u32 }
 }
 
 /// The pass: which tiles are visited, and which of their pixels are traced.
@@ -118,6 +118,7 @@ impl SamplingMask {
                 history_valid: push.history_valid,
                 history_change: push.history_change,
                 rest_noise: settings.rest_noise,
+                still: (0..).zip(since.stands).map(|(layer, stands)| u32::from(stands == Stands::Still) << layer).sum(),
             };
             self.tiles.dispatch(frame, &[], &[&view.resources, panorama, scene], &tiles, threads)?;
             frame.barrier("sampling_mask visits the tiles");

@@ -1,13 +1,12 @@
 //! Pass 5, `temporal`: accumulation along motion vectors.
 
 use super::{
-    atrous::Atrous,
     resources::Kernel,
     view::{LAYERS_FOLLOW, REAL, Role, Stands, VIRTUAL, View},
 };
 use crate::{
     Result,
-    gpu::{Bind, Frame, Gpu, Image},
+    gpu::{Bind, Frame, Gpu},
     gpu_struct,
     plan::{Part, Plan},
     settings::{ClampWhen, FilterOrder, MaskBy},
@@ -38,9 +37,9 @@ pub struct Since {
 pub struct Temporal {
     kernels: Vec<(u32, Stands, bool, Kernel)>,
     history_change: f32,
-    /// Follows what objects take along, into an image that is free until `atrous`.
-    follow: Option<Kernel>,
-    spare: Option<&'static str>,
+    /// Follow what objects take along, into the image that `atrous` fills last. Their constants are those of real surfaces.
+    follow: Vec<(Stands, Kernel)>,
+    brief: bool,
 }
 
 impl Temporal {
@@ -83,34 +82,36 @@ impl Temporal {
                 }
             }
         }
-        let follow = || {
-            let constants = [role.projection(plan)];
-            Kernel::new::<()>(gpu, "follow", shaders::FOLLOW, &constants)
+        let follow = |stands: Stands| {
+            let constants = [("STANDS", stands as u32), role.projection(plan)];
+            Ok((stands, Kernel::new::<()>(gpu, "follow", shaders::FOLLOW, &constants)?))
         };
         Ok(Self {
             kernels,
             history_change: settings.history_change,
-            follow: follows.then(follow).transpose()?,
-            spare: Atrous::spare(settings).filter(|_| follows),
+            follow: if follows { Stands::possible(plan).map(follow).collect::<Result<_>>()? } else { Vec::new() },
+            brief: plan.history_in_brief(),
         })
     }
 
-    /// Records the dispatches, which accumulate this frame's irradiance or what atrous made of it.
-    pub fn record(&self, frame: &mut Frame, view: &View, input: &Image, since: Since) -> Result<()> {
+    /// Records the dispatches, which accumulate the light in `input`: this frame's, or what atrous made of it.
+    pub fn record(&self, frame: &mut Frame, view: &View, input: &str, since: Since) -> Result<()> {
         let push = TemporalPush {
             history_valid: u32::from(since.history),
             clamp_spread: since.clamp,
             clamp_real: u32::from(since.video),
             history_change: self.history_change,
         };
-        let spare = match self.spare {
-            Some(name) => view.image(name)?,
-            None => input, // nothing reads it
-        };
-        let special = [("in_irradiance", Bind::from(input)), ("in_followed_light", Bind::from(spare))];
+        // Where a layer moves the images have changed places already.
+        let moves = since.stands[REAL as usize] == Stands::Nothing;
+        let [before, spare] = if moves { ["filtered", "accumulated"] } else { ["accumulated", "filtered"] };
         frame.scope("temporal", |frame| {
-            if let Some(follow) = self.follow.as_ref().filter(|_| since.moved) {
-                let special = [("out_followed_light", Bind::from(spare))];
+            let follow = self.follow.iter().find(|(stands, _)| since.moved && *stands == since.stands[REAL as usize]);
+            if let Some((_, follow)) = follow {
+                let special = [
+                    ("in_accumulated", Bind::from(view.light(before, REAL)?)),
+                    ("out_followed_light", Bind::from(view.light(spare, REAL)?)),
+                ];
                 follow.dispatch(frame, &special, &[&view.resources], &(), view.tiles(REAL))?;
                 frame.barrier("temporal changes histories that follow has read, and reads what that found");
             }
@@ -119,6 +120,14 @@ impl Temporal {
             };
             self.kernels.iter().filter(wanted).try_for_each(|(layer, .., kernel)| {
                 frame.barrier(LAYERS_FOLLOW);
+                // Of these two one is read at most, and without a history in brief none is.
+                let other = view.light(if self.brief { "filtered" } else { input }, *layer)?;
+                let special = [
+                    ("in_irradiance", Bind::from(view.light(input, *layer)?)),
+                    ("accumulated", Bind::from(view.light("accumulated", *layer)?)),
+                    ("in_accumulated", Bind::from(other)),
+                    ("in_followed_light", Bind::from(other)),
+                ];
                 kernel.dispatch(frame, &special, &[&view.resources], &push, view.tiles(*layer))
             })
         })

@@ -56,8 +56,6 @@ gpu_struct! {
         pub relit: u32,
         pub relight_size: [u32; 2],
         pub light_units: Vec2,
-        pub now: [u32; 2],
-        pub before: [u32; 2],
         pub light_now: [u32; 2],
         pub light_before: [u32; 2],
     }
@@ -107,6 +105,10 @@ pub struct View {
     kept: [Kept; 2],
     /// Whether images with a history hold two frames.
     history: bool,
+    /// Whether `accumulated` and `filtered` change places from frame to frame ([`View::light`]).
+    swaps: bool,
+    /// Whether `irradiance` serves as `scratch`, too.
+    lends: bool,
     /// The names of these images.
     histories: Vec<&'static str>,
 }
@@ -171,24 +173,17 @@ enum Holds {
     Lobes,
 }
 
-/// When the previous frame's values of an image are kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum History {
-    Never,
-    /// Where light is accumulated in brief ([`Plan::history_in_brief`]).
-    InBrief,
-    Always,
-}
-
 /// An image of a view. `bind/images.glsl` says what it holds.
 struct Declared {
     name: &'static str,
     format: Format,
     holds: Holds,
     /// Whether the previous frame's values are kept, in layers of their own.
-    history: History,
+    history: bool,
     /// Whether the image is left out where light is accumulated in brief.
     unless_brief: bool,
+    /// Whether the image is left out where another can be used in its place ([`Plan::lends_irradiance`]).
+    borrowed: bool,
     /// The image is left out if any of these parts is off.
     parts: &'static [Part],
     /// The image is left out if there are fewer levels of atrous.
@@ -205,8 +200,9 @@ impl Declared {
             name,
             format,
             holds,
-            history: History::Never,
+            history: false,
             unless_brief: false,
+            borrowed: false,
             parts,
             levels: 0,
             of_picture: false,
@@ -215,24 +211,19 @@ impl Declared {
     }
 
     const fn with_history(self) -> Self {
-        Self { history: History::Always, ..self }
-    }
-
-    const fn with_history_in_brief(self) -> Self {
-        Self { history: History::InBrief, ..self }
+        Self { history: true, ..self }
     }
 
     const fn unless_brief(self) -> Self {
         Self { unless_brief: true, ..self }
     }
 
+    const fn borrowed(self) -> Self {
+        Self { borrowed: true, ..self }
+    }
+
     fn keeps_history(&self, plan: &Plan) -> bool {
-        plan.on(Part::Temporal)
-            && match self.history {
-                History::Never => false,
-                History::InBrief => plan.history_in_brief(),
-                History::Always => true,
-            }
+        plan.on(Part::Temporal) && self.history
     }
 
     const fn at_levels(self, levels: u32) -> Self {
@@ -253,7 +244,8 @@ impl Declared {
         let filter = (plan.settings.atrous_levels < self.levels).then_some(Part::Atrous);
         let picture = (self.of_picture && role != Role::Picture).then_some(Part::VirtualSurfaces);
         let brief = (self.unless_brief && plan.history_in_brief()).then_some(Part::Temporal);
-        missing.or(filter).or(picture).or(brief)
+        let lent = (self.borrowed && plan.lends_irradiance()).then_some(Part::Temporal);
+        missing.or(filter).or(picture).or(brief).or(lent)
     }
 
     fn layers(&self, plan: &Plan, role: Role) -> u32 {
@@ -268,14 +260,13 @@ impl Declared {
 }
 
 const DECLARED: &[Declared] = {
-    use Format::{R32f, Rg16f, Rgba16f, Rgba32f, Rgba32u};
+    use Format::{R16f, R32f, Rg16f, Rg32u, Rgba16f, Rgba32f, Rgba32u};
     use Holds::{Lobes, Pixel, Surfaces};
     use Part::{Emission, Objects, Temporal, VirtualSurfaces};
     &[
-        Declared::new("position", Rgba32f, Surfaces, &[Objects]),
-        Declared::new("normal", Rgba16f, Surfaces, &[Objects]),
-        Declared::new("motion", Rgba32f, Surfaces, &[Objects]),
-        Declared::new("guide", Rgba32u, Surfaces, &[Objects]).with_history(),
+        Declared::new("motion", Rgba16f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
+        Declared::new("guide", Rgba32u, Surfaces, &[Objects]),
+        Declared::new("past", Rg32u, Surfaces, &[Objects, Temporal]),
         Declared::new("camera_radiance", Rgba32f, Pixel, &[]).of_picture(),
         Declared::new("albedo_virtual", Rgba16f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
         Declared::new("emission", Rgba16f, Pixel, &[Objects, VirtualSurfaces, Emission]).of_picture(),
@@ -283,14 +274,14 @@ const DECLARED: &[Declared] = {
         Declared::new("real_coverage", R32f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
         Declared::new("reflected", Rgba16f, Pixel, &[Part::Reflections]).of_picture().with_history(),
         Declared::new("radiance", Rgba32f, Pixel, &[]).of_picture(),
-        Declared::new("mask", R32f, Surfaces, &[Objects]),
+        Declared::new("mask", R16f, Surfaces, &[Objects]),
         Declared::new("irradiance", Rgba32u, Surfaces, &[Objects]).packed(),
         Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history().unless_brief(),
         Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history().unless_brief(),
         Declared::new("frames", Rg16f, Surfaces, &[Objects, Temporal]).with_history(),
-        Declared::new("accumulated", Rgba32u, Surfaces, &[Objects, Temporal]).packed().with_history_in_brief(),
+        Declared::new("accumulated", Rgba32u, Surfaces, &[Objects, Temporal]).packed(),
         Declared::new("filtered", Rgba32u, Surfaces, &[Objects]).packed().at_levels(1),
-        Declared::new("scratch", Rgba32u, Surfaces, &[Objects]).packed().at_levels(2),
+        Declared::new("scratch", Rgba32u, Surfaces, &[Objects]).packed().at_levels(2).borrowed(),
     ]
 };
 
@@ -318,16 +309,22 @@ fn list_bytes(plan: &Plan, role: Role, size: [u32; 2]) -> [u64; 3] {
     [pixels * layers, tiles * 2, if plan.roulette() { pixels } else { 0 }]
 }
 
-/// Bytes of a view's images and lists.
-pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
+/// Bytes of each of a view's images and lists, by name. `tiles` stands for all lists of tiles, and for what is kept of
+/// each.
+pub fn memory(plan: &Plan, role: Role, size: [u32; 2]) -> Vec<(&'static str, u64)> {
     let of = |image: &Declared| {
         let absent = image.absent(plan, role).is_some();
         let texels = if absent { 1 } else { u64::from(size[0]) * u64::from(size[1]) };
-        texels * u64::from(image.layers(plan, role)) * image.format.bytes()
+        (image.name, texels * u64::from(image.layers(plan, role)) * image.format.bytes())
     };
-    DECLARED.iter().map(of).sum::<u64>()
-        + list_bytes(plan, role, size).iter().sum::<u64>()
-        + 8 * list_bytes(plan, role, size)[1]
+    let [list, tiles, aimed] = list_bytes(plan, role, size);
+    let lists = [("list", list), ("aimed", aimed), ("tiles", 9 * tiles)];
+    DECLARED.iter().map(of).chain(lists).collect()
+}
+
+/// Bytes of a view's images and lists.
+pub fn bytes(plan: &Plan, role: Role, size: [u32; 2]) -> u64 {
+    memory(plan, role, size).into_iter().map(|(_, bytes)| bytes).sum()
 }
 
 /// Fills an image with `LIGHT_UNKNOWN` of `light_code.glsl`.
@@ -350,7 +347,6 @@ impl View {
             }
             // A pixel may be read before it is written: its tile rests when the video shows a surface there.
             if declared.packed
-                && declared.history == History::Never
                 && let Some(image) = resources.image(name)
             {
                 unknown(gpu, image, size, layers)?;
@@ -390,6 +386,8 @@ impl View {
             previous: None,
             kept: Default::default(),
             history: plan.on(Part::Temporal),
+            swaps: plan.history_in_brief(),
+            lends: plan.lends_irradiance(),
             histories: DECLARED.iter().filter(|image| image.keeps_history(plan)).map(|image| image.name).collect(),
         })
     }
@@ -407,5 +405,20 @@ impl View {
     /// An image by name, as the current frame writes it.
     pub fn image(&self, name: &str) -> Result<&Image> {
         self.resources.image(name).ok_or_else(|| Error::Internal(format!("no image {name}")))
+    }
+
+    /// The image that holds light of a layer: `irradiance`, `accumulated`, `filtered` or `scratch`.
+    ///
+    /// Where light is accumulated in brief, two images change places when the layer moves: what is accumulated anew goes
+    /// where the last frame's filtered light was, and what was accumulated before, which nothing else needs, is where the
+    /// filter then writes.
+    pub fn light(&self, name: &str, layer: u32) -> Result<&Image> {
+        let swapped = self.swaps && self.light_turn(layer) == 1;
+        self.image(match name {
+            "accumulated" if swapped => "filtered",
+            "filtered" if swapped => "accumulated",
+            "scratch" if self.lends => "irradiance",
+            name => name,
+        })
     }
 }

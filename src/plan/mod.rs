@@ -342,6 +342,12 @@ impl Plan {
         self.on(Part::Temporal) && filter_order == FilterOrder::TemporalFirst && atrous_levels > 0 && history <= LONGEST
     }
 
+    /// Whether the image of this frame's light serves the filter as well, once the light is accumulated. Nothing may then
+    /// ask for the light of a neighbour, whose tile may rest and hold what the filter left there.
+    pub fn lends_irradiance(&self) -> bool {
+        self.history_in_brief() && self.settings.clamp == 0.0 && !self.on(Part::Interpolate)
+    }
+
     /// The constant that says whether the result of the filters is in brief.
     pub fn result_in_brief(&self) -> Constant {
         let Settings { filter_order, atrous_levels, .. } = self.settings;

@@ -7,6 +7,7 @@ use crate::{
     passes::{
         atrous::Atrous,
         display::{Source, Values},
+        geometry,
         resources::Resource,
         unknown::Unknown,
         view::{REAL, VIRTUAL, is_packed, of_surfaces},
@@ -26,11 +27,11 @@ impl Renderer {
     pub fn standard_error(&self) -> Result<f64> {
         let (mut variance, mut mean) = (0.0, 0.0);
         let image = |name| self.picture.resources.image(name);
-        let (Some(light), Some(frames)) = (image("accumulated"), image("frames")) else { return Ok(0.0) };
+        let Some(frames) = image("frames") else { return Ok(0.0) };
         for &layer in self.picture.role.layers(&self.plan) {
             let scales = self.light_scales(layer).map(f64::from);
             let brief = Atrous::in_brief(&self.plan, "accumulated");
-            let texels = self.read_light(light, self.picture.layer("accumulated", layer), brief)?;
+            let texels = self.read_light(self.picture.light("accumulated", layer)?, layer, brief)?;
             let frames = self.gpu.read_image(frames, self.picture.layer("frames", layer))?;
             for (texel, frames) in texels.into_iter().zip(frames) {
                 for lobe in 0..2 {
@@ -52,7 +53,7 @@ impl Renderer {
     /// The names of all images that [`Renderer::aov`] returns.
     pub fn aov_names(&self) -> Vec<String> {
         let derived = DERIVED.iter().map(|(name, _)| (*name).to_owned());
-        let held = derived.chain(self.stored().map(|(name, _)| name)).filter(|name| self.source(name).is_ok());
+        let held = derived.chain(self.stored().map(|(name, _)| name)).filter(|name| self.place(name).is_ok());
         held.chain(self.knows_unknown_light().then(|| UNKNOWN_LIGHT.to_owned())).collect()
     }
 
@@ -60,16 +61,23 @@ impl Renderer {
     /// that are packed in it.
     fn stored(&self) -> impl Iterator<Item = (String, (&'static str, u32, Values))> {
         let images = self.picture.resources.0.iter().filter(|(_, resource)| !matches!(resource, Resource::Buffer(_)));
+        let geometry = GEOMETRY.iter().flat_map(|&(name, values)| {
+            [("real", REAL), ("virtual", VIRTUAL)]
+                .map(|(suffix, layer)| (format!("{name}_{suffix}"), ("guide", layer, values)))
+        });
         // other images say what these hold, in other words
-        images.filter(|(name, _)| !["guide", "a", "b"].contains(name)).flat_map(|&(name, _)| {
-            let lights: &[_] =
-                if is_packed(name) { &[("_a", Values::A), ("_b", Values::B)] } else { &[("", Values::Floats)] };
-            let layers: &[_] = if of_surfaces(name) { &[("_real", REAL), ("_virtual", VIRTUAL)] } else { &[("", 0)] };
-            let named = |(light, values): (&str, Values), (suffix, layer): (&str, u32)| {
-                (format!("{name}{light}{suffix}"), (name, layer, values))
-            };
-            lights.iter().flat_map(|light| layers.iter().map(|layer| named(*light, *layer))).collect::<Vec<_>>()
-        })
+        let own =
+            images.filter(|(name, _)| !["guide", "past", "motion", "a", "b"].contains(name)).flat_map(|&(name, _)| {
+                let lights: &[_] =
+                    if is_packed(name) { &[("_a", Values::A), ("_b", Values::B)] } else { &[("", Values::Floats)] };
+                let layers: &[_] =
+                    if of_surfaces(name) { &[("_real", REAL), ("_virtual", VIRTUAL)] } else { &[("", 0)] };
+                let named = |(light, values): (&str, Values), (suffix, layer): (&str, u32)| {
+                    (format!("{name}{light}{suffix}"), (name, layer, values))
+                };
+                lights.iter().flat_map(|light| layers.iter().map(|layer| named(*light, *layer))).collect::<Vec<_>>()
+            });
+        geometry.chain(own)
     }
 
     /// The share of each pixel's light that comes out of space that the capture never saw, from the images of the
@@ -102,7 +110,7 @@ impl Renderer {
         if MATTES.contains(&name) || (name == UNKNOWN_LIGHT && self.knows_unknown_light()) {
             return Ok(());
         }
-        self.source(name).map(|_| ())
+        self.place(name).map(|_| ())
     }
 
     /// An image of the last frame by name, as RGBA. Besides the images of a view there are `irradiance_real`
@@ -116,26 +124,21 @@ impl Renderer {
         if MATTES.contains(&name) {
             return self.matte(name);
         }
-        let source = self.source(name)?;
-        let mut texels = self.texels(&source)?;
-        match name {
-            "object_id" => texels.iter_mut().for_each(|t| *t = [t[3], t[3], t[3], 1.0]),
-            "motion" | "position" if source.image.layers() > 1 => {
-                let objects = self.gpu.read_image(source.image, VIRTUAL)?;
-                let coverage: Vec<[f32; 4]> = self.gpu.read_image(self.picture.image("real_coverage")?, 0)?;
-                for ((seen, object), [real, ..]) in texels.iter_mut().zip(objects).zip(coverage) {
-                    if real < 0.5 {
-                        *seen = object;
-                    }
+        let mut texels = self.texels(&self.source(name)?)?;
+        if ["motion", "position"].contains(&name) && self.plan.on(Part::VirtualSurfaces) {
+            let objects = self.texels(&self.source(&format!("{name}_virtual"))?)?;
+            let coverage: Vec<[f32; 4]> = self.gpu.read_image(self.picture.image("real_coverage")?, 0)?;
+            for ((seen, object), [real, ..]) in texels.iter_mut().zip(objects).zip(coverage) {
+                if real < 0.5 {
+                    *seen = object;
                 }
             }
-            _ => {}
         }
         Ok(texels)
     }
 
     pub(super) fn texels(&self, source: &Source) -> Result<Vec<[f32; 4]>> {
-        let Source { image, layer, values, brief, scales: [a, b], .. } = *source;
+        let Source { ref image, layer, values, brief, scales: [a, b] } = *source;
         let light = |texel: [f32; 8]| {
             let rgb: [f32; 3] = std::array::from_fn(|i| match values {
                 Values::A => a * texel[i],
@@ -163,7 +166,21 @@ impl Renderer {
     }
 
     /// Where the values of this name are.
-    pub(super) fn source(&self, name: &str) -> Result<Source<'_>> {
+    pub(super) fn source(&self, name: &str) -> Result<Source> {
+        let (image, layer, values, held) = self.place(name)?;
+        let (view, scene) = (&self.picture, &self.scene.resources);
+        let brief = Atrous::in_brief(&self.plan, image);
+        let scales = self.light_scales(layer);
+        Ok(if values.is_geometry() {
+            let image = geometry::unpack(&self.gpu, &self.plan, view, scene, layer, values)?;
+            Source { image, layer: 0, values: Values::Floats, brief, scales }
+        } else {
+            Source { image: held.clone(), layer: view.layer(image, layer), values, brief, scales }
+        })
+    }
+
+    /// The name and the layer of the image that holds the values of this name, and how it does.
+    fn place(&self, name: &str) -> Result<(&'static str, u32, Values, &Image)> {
         let resources = &self.picture.resources;
         let left_out = |part: Part| {
             let problem = format!("\"{name}\" is left out: {}", self.plan.reason(part));
@@ -173,8 +190,7 @@ impl Renderer {
         };
         let derived = DERIVED.iter().find(|(derived, _)| *derived == name).map(|(_, from)| match *from {
             Derived::Light(layer, values) => (filtered(&self.plan.settings), layer, values),
-            Derived::Id => ("motion", VIRTUAL, Values::Floats),
-            Derived::Seen(image) => (image, REAL, Values::Floats),
+            Derived::Seen(layer, values) => ("guide", layer, values),
         });
         let stored = || self.stored().find(|(stored, _)| stored == name).map(|(_, from)| from);
         let Some((image, layer, values)) = derived.or_else(stored) else {
@@ -190,19 +206,17 @@ impl Renderer {
         if layer == VIRTUAL && !self.plan.on(Part::VirtualSurfaces) {
             return Err(left_out(Part::VirtualSurfaces));
         }
+        if image == "irradiance" && self.plan.lends_irradiance() && self.plan.settings.atrous_levels > 1 {
+            let problem = format!("\"{name}\" is gone: atrous has used its memory");
+            return Err(Error::input("--aov", problem, "leave it out, or add --set atrous_levels=1"));
+        }
         let lobe = layer == VIRTUAL && values == Values::B;
         if lobe && !self.plan.on(Part::Specular) {
             return Err(left_out(Part::Specular));
         }
-        match resources.image(image) {
-            Some(found) => Ok(Source {
-                image: found,
-                layer: self.picture.layer(image, layer),
-                values,
-                brief: Atrous::in_brief(&self.plan, image),
-                scales: self.light_scales(layer),
-                channel: (name == "object_id").then_some(3),
-            }),
+        let found = if is_packed(image) { self.picture.light(image, layer).ok() } else { resources.image(image) };
+        match found {
+            Some(found) => Ok((image, layer, values, found)),
             None => Err(left_out(resources.absent(image).unwrap_or(Part::Objects))),
         }
     }
@@ -211,12 +225,15 @@ impl Renderer {
 /// The image that is made when it is read.
 pub const UNKNOWN_LIGHT: &str = "unknown_light";
 
-/// The source of a derived image: filtered light of a layer, the ids, or the surface that covers more of a
-/// pixel.
+/// What `geometry` makes of each layer.
+const GEOMETRY: [(&str, Values); 3] =
+    [("position", Values::Position), ("normal", Values::Normal), ("motion", Values::Motion)];
+
+/// The source of a derived image: filtered light of a layer, or its surfaces. Of `motion` and `position` it is the real
+/// layer, into which the virtual surfaces are put that cover more of a pixel.
 enum Derived {
     Light(u32, Values),
-    Id,
-    Seen(&'static str),
+    Seen(u32, Values),
 }
 
 /// Images that are computed when they are read.
@@ -225,7 +242,7 @@ const DERIVED: [(&str, Derived); 7] = [
     ("irradiance_mixed", Derived::Light(REAL, Values::Sum)),
     ("irradiance_virtual", Derived::Light(VIRTUAL, Values::A)),
     ("radiance_specular", Derived::Light(VIRTUAL, Values::B)),
-    ("object_id", Derived::Id),
-    ("motion", Derived::Seen("motion")),
-    ("position", Derived::Seen("position")),
+    ("object_id", Derived::Seen(VIRTUAL, Values::Object)),
+    ("motion", Derived::Seen(REAL, Values::Motion)),
+    ("position", Derived::Seen(REAL, Values::Position)),
 ];

@@ -81,7 +81,7 @@ impl Renderer {
     ///
     /// # Errors
     /// Fails if there is no such image.
-    pub fn shown(&self, name: &str) -> Result<Source<'_>> {
+    pub fn shown(&self, name: &str) -> Result<Source> {
         self.source(name)
     }
 }

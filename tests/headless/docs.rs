@@ -1,6 +1,8 @@
 //! Documents that are made from code are what the code says. `IPRT_BLESS=1` (`make docs`) writes them.
 
+use crate::common::*;
 use clap::{Arg, ArgAction, Args, Command, CommandFactory};
+use glam::{Vec3, vec3};
 use iprt::{
     cli::{
         Cli,
@@ -10,9 +12,12 @@ use iprt::{
     },
     gpu::{Access, Binding, Kind, bindings},
     panorama::preset::Preset,
-    passes::PASSES,
-    plan::Part,
-    scene::file::parse,
+    passes::{
+        PASSES,
+        view::{self, Role, View},
+    },
+    plan::{Part, Plan},
+    scene::{file::parse, material::Material},
     settings::{Method, Settings},
     shaders::current,
 };
@@ -216,6 +221,42 @@ fn table(args: &[&Arg]) -> String {
 #[test]
 fn the_table_of_parts_is_the_plans_own() {
     generated("docs/plan.md", "parts", "the table in src/plan/part.rs", &Part::markdown());
+}
+
+/// A scene that needs all images of the default method, and nothing else of what is stated is taken on the device.
+#[test]
+fn what_a_picture_takes_is_stated_by_image() {
+    validated(|gpu| {
+        let glowing = Material { emissive: Vec3::ONE, ..lambert(0.5) };
+        let mirror = moving(ball(0.3, metal(0.05), Vec3::ZERO), vec3(0.3, -0.2, -1.4), vec3(0.4, -0.2, -1.4));
+        let things = vec![mirror, ball(0.2, glowing, vec3(-0.3, -0.2, -1.4))];
+        let scene = scene(floor(), camera(Vec3::ZERO, Vec3::NEG_Z, 60.0), things);
+        let plan = Plan::of(&scene, &options(Method::Iprt, &[]), None).expect("a plan");
+        let size = [640, 352];
+        let taken = |role| {
+            let (before, view) = (gpu.device_bytes(), View::new(gpu, "view", size, &plan, role).expect("fits"));
+            let taken = gpu.device_bytes() - before;
+            drop(view);
+            taken as f64 / view::bytes(&plan, role, size) as f64
+        };
+        for role in [Role::Picture, Role::Relight] {
+            let ratio = taken(role);
+            assert!((0.999..1.01).contains(&ratio), "{ratio} of what is stated for {role:?}");
+        }
+        let pixels = f64::from(size[0] * size[1]);
+        let of =
+            |role| view::memory(&plan, role, size).into_iter().map(move |(name, bytes)| (name, bytes as f64 / pixels));
+        let mut table = "| image or list | bytes a pixel | of a relit map |\n|---|---:|---:|\n".to_owned();
+        for ((name, picture), (_, map)) in
+            of(Role::Picture).zip(of(Role::Relight)).filter(|((_, bytes), _)| *bytes > 0.1)
+        {
+            let map = if map > 0.1 { format!("{map:.1}") } else { String::new() };
+            let _ = writeln!(table, "| {name} | {picture:.1} | {map} |");
+        }
+        let [picture, map] = [Role::Picture, Role::Relight].map(|role| of(role).map(|(_, bytes)| bytes).sum::<f64>());
+        let _ = writeln!(table, "| all | {picture:.1} | {map:.1} |");
+        generated("docs/limits.md", "memory", "src/passes/view.rs", &table);
+    });
 }
 
 /// A name without its direction.

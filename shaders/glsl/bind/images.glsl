@@ -1,21 +1,17 @@
 // Images and lists of a view (`DECLARED` in passes/view.rs). Passes read `in_` and write `out_`. A name without a
 // prefix is both read and written. Images with layers hold real surfaces in layer REAL and virtual ones in layer
-// VIRTUAL. Images with a history hold them in two layers. guide: NOW(layer), and the last frame's BEFORE(layer), which
-// are one where nothing moves. a, b or accumulated, and frames: LIGHT_NOW(layer) and LIGHT_BEFORE(layer), which are one
-// where camera and objects stand still, whatever the video does.
+// VIRTUAL. Images with a history hold them in two layers. a, b and frames: LIGHT_NOW(layer) and LIGHT_BEFORE(layer), which are one where camera and
+// objects stand still, whatever the video does. What images hold packed light, and when, says `View::light`.
 
-// xyz position (m), w distance from the camera (m; 0: no such surface).
-layout(set = 0, binding = 30, rgba32f) uniform readonly image2DArray in_position;
-layout(set = 0, binding = 31, rgba32f) uniform image2DArray position;
-// xyz shading normal, w roughness (1 for real surfaces).
-layout(set = 0, binding = 32, rgba16f) uniform readonly image2DArray in_normal;
-layout(set = 0, binding = 33, rgba16f) uniform writeonly image2DArray out_normal;
-// xy motion to the previous frame in pixels, z distance from the previous camera (m), w object id (0: real).
-layout(set = 0, binding = 34, rgba32f) uniform readonly image2DArray in_motion;
-layout(set = 0, binding = 35, rgba32f) uniform writeonly image2DArray out_motion;
-// Position, normal, roughness and object of what the pixel shows, in short: see guide.glsl.
+// Of the virtual surface: xy motion to the previous frame in pixels, z distance from the previous camera (m).
+layout(set = 0, binding = 34, rgba16f) uniform readonly image2D in_motion;
+layout(set = 0, binding = 35, rgba16f) uniform writeonly image2D out_motion;
+// Position, normal, roughness and object of what the pixel shows: see guide.glsl.
 layout(set = 0, binding = 36, rgba32ui) uniform readonly uimage2DArray in_guide;
 layout(set = 0, binding = 37, rgba32ui) uniform uimage2DArray guide;
+// What is needed of the last frame's guide, packed before the guide is written anew: see past.glsl.
+layout(set = 0, binding = 30, rg32ui) uniform readonly uimage2DArray in_past;
+layout(set = 0, binding = 31, rg32ui) uniform writeonly uimage2DArray out_past;
 // L_cam; w: how much of the pixel's centre is real, 0 or 1 where nothing is half transparent.
 layout(set = 0, binding = 39, rgba32f) uniform readonly image2D in_camera_radiance;
 layout(set = 0, binding = 40, rgba32f) uniform image2D camera_radiance;
@@ -40,8 +36,8 @@ layout(set = 0, binding = 48, r32f) uniform image2D real_coverage;
 // The picture: linear radiance, w 1.
 layout(set = 0, binding = 49, rgba32f) uniform writeonly image2D out_radiance;
 // How many paths are traced this frame; 0: nothing to light, -1: not traced.
-layout(set = 0, binding = 50, r32f) uniform readonly image2DArray in_mask;
-layout(set = 0, binding = 51, r32f) uniform writeonly image2DArray out_mask;
+layout(set = 0, binding = 50, r16f) uniform readonly image2DArray in_mask;
+layout(set = 0, binding = 51, r16f) uniform writeonly image2DArray out_mask;
 // Light of this frame, as light_code.glsl packs it. Real: a is E_R, b is ΔE. Virtual: a is E of the Lambert
 // lobe, b the radiance of all other lobes.
 layout(set = 0, binding = 52, rgba32ui) uniform uimage2DArray irradiance;
@@ -50,11 +46,11 @@ layout(set = 0, binding = 54, rgba32ui) uniform writeonly uimage2DArray out_irra
 // a and b accumulated, where halves would not do; w: second moment of the luminance.
 layout(set = 0, binding = 55, rgba32f) uniform image2DArray a;
 layout(set = 0, binding = 57, rgba32f) uniform image2DArray b;
-// a and b accumulated, packed; the deviations are those of the mean. Where a and b are left out, this has their
-// history.
+// a and b accumulated, packed; the deviations are those of the mean. Where a and b are left out, this is their history,
+// and in_accumulated that of the last frame where the layer moves.
 layout(set = 0, binding = 65, rgba32ui) uniform uimage2DArray accumulated;
 layout(set = 0, binding = 88, rgba32ui) uniform readonly uimage2DArray in_accumulated;
-// What follow found: b, and how many frames that holds. An image that atrous fills later.
+// What follow found: b, and how many frames that holds. An image that later passes fill.
 layout(set = 0, binding = 89, rgba32ui) uniform readonly uimage2DArray in_followed_light;
 layout(set = 0, binding = 90, rgba32ui) uniform writeonly uimage2DArray out_followed_light;
 // How many frames are accumulated in a and in b.
@@ -63,6 +59,7 @@ layout(set = 0, binding = 60, rg16f) uniform image2DArray frames;
 // a and b accumulated or filtered, packed; the deviations are those of the mean.
 layout(set = 0, binding = 62, rgba32ui) uniform readonly uimage2DArray in_light;
 layout(set = 0, binding = 63, rgba32ui) uniform writeonly uimage2DArray out_light;
+layout(set = 0, binding = 66, rgba32ui) uniform readonly uimage2DArray in_virtual_light;
 // Pixels: in `gbuffer` those of silhouettes, then those whose centre is virtual; later those that are traced.
 layout(set = 0, binding = 67, scalar) readonly buffer ListRead { uint item[]; } in_list;
 layout(set = 0, binding = 68, scalar) writeonly buffer ListWritten { uint item[]; } out_list;

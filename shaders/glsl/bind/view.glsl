@@ -39,9 +39,7 @@ struct View {
     uint relit;
     uvec2 relight_size;
     vec2 light_units;        // factors on E_R, and on what objects change or send, in images
-    uvec2 now;               // the layers of this frame's real and virtual surfaces in guide
-    uvec2 before;
-    uvec2 light_now;         // the same for images that accumulate light
+    uvec2 light_now;         // the layers of this frame's real and virtual surfaces in images with a history
     uvec2 light_before;
 };
 

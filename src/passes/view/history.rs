@@ -22,8 +22,6 @@ pub(super) struct Kept {
     still: u32,
     /// The same for frames between which the video may have changed.
     steady: u32,
-    /// Which of the two images of the guide's history is this frame's.
-    turn: u32,
     /// Which of the two images of light's history is this frame's.
     light_turn: u32,
 }
@@ -69,15 +67,11 @@ impl View {
     }
 
     /// Makes what the last frame wrote the history of the next. Where a layer stands still the history is the
-    /// same image, which each pass changes in place, and what `gbuffer` need not write again stays where it is.
+    /// same image, which each pass changes in place.
     pub fn begin_frame(&mut self, shown: &[Shown; 2]) {
         for layer in [REAL, VIRTUAL] {
-            let shown = &shown[layer as usize];
-            let turns = self.still_frames(layer, shown) == 0 && !self.keeps(layer, shown);
-            let light_turns = self.steady_frames(layer, shown) == 0;
-            let kept = &mut self.kept[layer as usize];
-            kept.turn ^= u32::from(turns);
-            kept.light_turn ^= u32::from(light_turns);
+            let turns = self.steady_frames(layer, &shown[layer as usize]) == 0;
+            self.kept[layer as usize].light_turn ^= u32::from(turns);
         }
     }
 
@@ -104,25 +98,26 @@ impl View {
     /// `shown` is what this frame shows.
     pub fn describe(&self, data: &mut ViewData, shown: &[Shown; 2]) {
         for layer in [REAL, VIRTUAL] {
-            let Kept { turn, light_turn, .. } = self.kept[layer as usize];
-            let [now, light_now] = [turn, light_turn].map(|turn| self.history_layer(layer, turn));
+            let light_now = self.history_layer(layer, self.light_turn(layer));
             let stands = self.stands(layer, &shown[layer as usize]);
             let at = layer as usize;
-            (data.now[at], data.light_now[at]) = (now, light_now);
-            data.before[at] = if self.history && stands != Stands::Still { now ^ 1 } else { now };
+            data.light_now[at] = light_now;
             data.light_before[at] = if self.history && stands == Stands::Nothing { light_now ^ 1 } else { light_now };
         }
     }
 
     /// The layer of an image in which this frame has the values of real or of virtual surfaces.
     pub fn layer(&self, image: &str, layer: u32) -> u32 {
-        let Kept { turn, light_turn, .. } = self.kept[layer as usize];
         match image {
-            "guide" => self.history_layer(layer, turn),
-            "reflected" => self.kept[VIRTUAL as usize].light_turn,
-            _ if self.histories.contains(&image) => self.history_layer(layer, light_turn),
+            "reflected" => self.light_turn(VIRTUAL),
+            _ if self.histories.contains(&image) => self.history_layer(layer, self.light_turn(layer)),
             _ => layer,
         }
+    }
+
+    /// Which of the two images, or of the two layers of an image, of light's history is this frame's.
+    pub(super) fn light_turn(&self, layer: u32) -> u32 {
+        self.kept[layer as usize].light_turn
     }
 
     fn history_layer(&self, layer: u32, turn: u32) -> u32 {
