@@ -132,16 +132,18 @@ fn corners(triangles: &[TriangleGeometry]) -> Vec<Vec3> {
 /// The bottom levels of the BVH: the root of each, in ascending order, and its triangles.
 fn meshes(scene: &PackedScene) -> Vec<(u32, Range<u32>)> {
     let (mut meshes, mut root) = (Vec::new(), 0);
-    let mut triangles = u32::MAX..0;
+    let mut triangles: Option<Range<u32>> = None; // of the leaves so far
     for (node, index) in scene.nodes.iter().zip(0..) {
         if node.leaf == 0 {
             continue;
         }
         let run = bvh::leaf(node);
-        triangles = triangles.start.min(run.start)..triangles.end.max(run.end);
+        let all = triangles.take().map_or(run.clone(), |t| t.start.min(run.start)..t.end.max(run.end));
         if node.next == NONE {
-            meshes.push((root, std::mem::replace(&mut triangles, u32::MAX..0)));
+            meshes.push((root, all));
             root = index + 1;
+        } else {
+            triangles = Some(all);
         }
     }
     meshes
