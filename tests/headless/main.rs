@@ -27,6 +27,7 @@ mod folder;
 mod free_lamps;
 mod fuzz;
 mod gltf;
+mod golden;
 mod gpu;
 mod identities;
 mod inspect;
