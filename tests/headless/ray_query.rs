@@ -6,6 +6,7 @@ use glam::{Quat, Vec3, vec3};
 use iprt::{
     gpu::Gpu,
     measure::metrics::{Picture, flip_map},
+    options::RenderOptions,
     renderer::Renderer,
     scene::{
         Object, Scene,
@@ -109,21 +110,25 @@ fn pictures_are_those_of_the_bvh() {
         for (method, converges, times) in
             [(Method::Iprt, false, [0.0, 0.3, 0.6, 0.6]), (Method::Reference, true, [0.2; 4])]
         {
-            let of = |tracer: &str| {
+            let of = |tracer: &str, seed: u32| {
                 let set = [("virtual_tracer", tracer), ("relight_width", "32"), ("relight_warmup", "2")];
                 let options = if converges { converged(method, &set) } else { options(method, &set) };
-                let mut renderer = Renderer::new(gpu, &scene, options).expect("fits");
+                let mut renderer = Renderer::new(gpu, &scene, RenderOptions { seed, ..options }).expect("fits");
                 for time in times {
                     renderer.render(&scene, time).expect("renders");
                 }
                 aov(&renderer, "radiance")
             };
-            let [bvh, query] = [of("bvh"), of("ray_query")];
-            let picture = |subject, texels| Picture { subject, size: SIZE, texels };
-            let flip = flip_map(picture("ray_query", &query), picture("bvh", &bvh), 1.0).expect("of one size");
-            let mean = flip.iter().sum::<f32>() / flip.len() as f32;
-            println!("{method:?}: FLIP {mean}");
-            assert!(mean <= 0.002, "{method:?}: FLIP {mean}");
+            let [bvh, query, noise] = [of("bvh", 1), of("ray_query", 1), of("bvh", 2)];
+            let apart = |texels| {
+                let picture = |subject, texels| Picture { subject, size: SIZE, texels };
+                let flip = flip_map(picture("other", texels), picture("bvh", &bvh), 1.0).expect("of one size");
+                flip.iter().sum::<f32>() / flip.len() as f32
+            };
+            // The last bit of a hit decides which half-transparent surfaces are there for a path.
+            let (mean, noise) = (apart(&query), apart(&noise));
+            println!("{method:?}: FLIP {mean}, of another seed {noise}");
+            assert!(mean <= f32::max(0.002, 0.5 * noise), "{method:?}: FLIP {mean}, of another seed {noise}");
         }
     });
 }
