@@ -370,7 +370,8 @@ impl Drop for Screen {
             return;
         }
         if let Err(error) = self.wait() {
-            tracing::error!("{error}");
+            // All that was asked for has been done or has failed by now.
+            tracing::warn!("closing the window: {error}");
             return;
         }
         self.swapchain = None;
