@@ -301,7 +301,7 @@ impl Renderer {
             Stands::Nothing if self.plan.history_in_brief() => "accumulated",
             _ => filtered(settings),
         };
-        let last = if self.plan.roulette() { view.light(light, REAL)? } else { &self.nothing };
+        let last = if self.plan.roulette() || self.plan.sees_picture() { view.light(light, REAL)? } else { &self.nothing };
         lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, [relit, last], since)?;
         if let Some(interpolate) = &lighting.interpolate {
             frame.barrier("interpolate reads traced neighbours");

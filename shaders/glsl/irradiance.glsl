@@ -8,6 +8,7 @@
 #include "bsdf.glsl"
 #include "punctual.glsl"
 #include "guide.glsl"
+#include "past.glsl"
 #include "light_code.glsl"
 #include "light_units.glsl"
 #include "relit.glsl"
@@ -19,12 +20,14 @@ layout(push_constant, scalar) uniform Push {
     float least_share;  // of the rays that meet no object, see traced_share
     uint history_valid;
     uint still;
+    uint packed; // 1: in_past holds the surfaces of the last frame; 0: the guide does
 } push;
 layout(constant_id = 1) const int LAYER = 0;
 layout(constant_id = 37) const uint EARLY = 0; // 1: a virtual surface may have several paths a frame, as many as mask says
 layout(constant_id = 26) const uint ROULETTE = 0; // 1: not all rays that meet no object are traced
 layout(constant_id = 4) const uint REAL_TRACER = 0;
 layout(constant_id = 5) const uint VIRTUAL_TRACER = 0;
+layout(constant_id = 50) const uint PICTURED = 0; // 1: smooth surfaces see real ones lit as the last picture has them
 const uint MARCH = 1u;     // value of REAL_TRACER
 const uint DIRECTION = 2u; // value of REAL_TRACER
 const uint SCREEN = 1u;    // value of VIRTUAL_TRACER
@@ -62,6 +65,41 @@ vec3 hit_radiance(PanoramaHit hit) {
 vec3 hit_relit(PanoramaHit hit) {
     vec3 radiance = hit_radiance(hit);
     return is_lamp(hit) ? radiance : relit(hit.uv, radiance);
+}
+
+// Adds the light of a real surface at a point as the last picture shows it, which is sharper than the map. Returns how
+// much of the pixels around that place show this surface.
+float pictured_light(vec3 point, inout Light light) {
+    vec3 there = project_previous(point);
+    if (there.z <= 0.0) return 0.0;
+    vec2 at = there.xy - 0.5;
+    ivec2 i = ivec2(floor(at));
+    vec2 f = at - vec2(i);
+    float total = 0.0;
+    [[unroll]] for (int k = 0; k < 4; k++) {
+        ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
+        float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
+        if (!neighbour(q)) continue;
+        uvec4 past = push.packed != 0u ? imageLoad(in_past, ivec3(q, REAL)) : past_pack(imageLoad(in_guide, ivec3(q, REAL)));
+        Light last = result_unpack(imageLoad(in_light, ivec3(q, REAL)));
+        bool same = guide_id(past_guide(past)) == REAL_SURFACE && abs(past_distance(past) - there.z) < 0.03 * there.z;
+        if (!same || last.deviation.x < 0.0) continue;
+        light.a += w * last.a;
+        light.b += w * last.b;
+        total += w;
+    }
+    return total;
+}
+
+// Returns what hit_relit does, by what the last picture shows of the surface that a ray met.
+vec3 hit_pictured(vec3 point, PanoramaHit hit) {
+    Light light = Light(vec3(0.0), vec3(0.0), vec2(0.0));
+    float total = push.history_valid != 0u && hit.kind == SURFACE ? pictured_light(point, light) : 0.0;
+    if (total < 0.25) return hit_relit(hit);
+    light.a /= total;
+    light.b /= total;
+    light_decode(REAL, light);
+    return relight(hit_radiance(hit), light.a, light.b);
 }
 
 // A ray drawn from a lobe and the panorama's lights together. One of the two strategies is drawn, and the
@@ -314,6 +352,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
         throughput *= mixed_weight(ray, next, hit) / bsdf_probability(l, lobe);
         if (largest(throughput) <= 0.0) break;
     }
+    if (PICTURED != 0u && !wide) return sum + throughput * hit_pictured(origin + ray.d * ray.real.t, ray.real);
     return sum + throughput * hit_relit(ray.real);
 }
 

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 gpu_struct! {
     /// Push constants of `irradiance.comp`.
-    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32, pub march_steps: u32, pub least_share: f32, pub history_valid: u32, pub still: u32 }
+    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32, pub march_steps: u32, pub least_share: f32, pub history_valid: u32, pub still: u32, pub packed: u32 }
 }
 
 /// The pass that traces paths.
@@ -65,6 +65,7 @@ impl Irradiance {
                 plan.constant(Part::Bounces),
                 plan.constant(Part::Motion),
                 ("REFLECTIONS", u32::from(*layer == VIRTUAL && plan.on(Part::Reflections))),
+                ("PICTURED", u32::from(*layer == VIRTUAL && plan.sees_picture())),
             ];
             let constants = [&constants[..], &plan.materials()].concat();
             Kernel::new::<IrradiancePush>(gpu, "irradiance", irradiance, &constants)
@@ -108,6 +109,7 @@ impl Irradiance {
         let push = IrradiancePush {
             history_valid: u32::from(since.history),
             still: u32::from(since.stands[REAL as usize] != Stands::Nothing),
+            packed: u32::from(since.stands[REAL as usize] != Stands::Still),
             ..self.push
         };
         let (relit, last) = (("in_relit_light", Bind::from(relit)), ("in_light", Bind::from(last)));

@@ -364,6 +364,12 @@ impl Plan {
             && self.settings.real_tracer != RealTracer::Direction
     }
 
+    /// Whether smooth surfaces see real ones lit as the last picture has them, where it shows them.
+    pub fn sees_picture(&self) -> bool {
+        let parts = [Part::Temporal, Part::Relight, Part::VirtualSurfaces, Part::Specular];
+        parts.into_iter().all(|part| self.on(part))
+    }
+
     /// Whether rays meet virtual objects by the device's ray queries.
     pub fn ray_queries(&self) -> bool {
         self.on(Part::Objects) && self.settings.virtual_tracer == VirtualTracer::RayQuery
