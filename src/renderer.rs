@@ -297,12 +297,13 @@ impl Renderer {
         lighting.sampling_mask.record(frame, view, settings, since, view.steady_frames(REAL, &real), pools)?;
         frame.barrier("irradiance reads the compacted pixels");
         // What is accumulated anew has yet to take the place of the last frame's light.
-        let light = match stands[REAL as usize] {
-            Stands::Nothing if self.plan.history_in_brief() => "accumulated",
-            _ => filtered(settings),
+        let last = |layer: u32| match stands[layer as usize] {
+            _ if !self.plan.knows_last_light() => Ok(&self.nothing),
+            Stands::Nothing if self.plan.history_in_brief() => view.light("accumulated", layer),
+            _ => view.light(filtered(settings), layer),
         };
-        let last = if self.plan.roulette() || self.plan.sees_picture() { view.light(light, REAL)? } else { &self.nothing };
-        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, [relit, last], since)?;
+        let last = [last(REAL)?, last(VIRTUAL)?];
+        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, relit, last, since)?;
         if let Some(interpolate) = &lighting.interpolate {
             frame.barrier("interpolate reads traced neighbours");
             interpolate.record(frame, view)?;

@@ -40,7 +40,13 @@ void real_surface_light(ivec2 p) {
         mixed *= least;
     }
     vec2 units = in_view.view.light_units;
-    imageStore(out_irradiance, ivec3(p, REAL), light_pack(Light(units.x * radiance, units.y * (mixed - radiance), vec2(0.0))));
+    Light light = Light(units.x * radiance, units.y * (mixed - radiance), vec2(0.0));
+    if (PATH_LIMIT != 0u) {
+        vec2 limit = path_limit(p, REAL);
+        light.a = limited(light.a, limit.x);
+        light.b = limited(light.b, limit.y);
+    }
+    imageStore(out_irradiance, ivec3(p, REAL), light_pack(light));
 }
 
 // A virtual surface in the picture.
@@ -52,6 +58,7 @@ struct Seen {
     uint instance;
     bool varied; // other points of the pixel show something else
     vec3 albedo_ratio; // k_V over that of the pixel
+    vec2 limit; // of what a path brings to each lobe
 };
 
 // What a smooth surface reflects: how far from it, 0 if that is not known, and where it was a frame ago, relative to now.
@@ -113,8 +120,8 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
         radiance += (lobe == DIFFUSE ? PI : 1.0) / bsdf_probability(l, lobe) * lamps;
     }
     if (FAULT == FAULT_ENERGY_CLAMP) radiance *= min(1.0, 0.3 / max(luminance(radiance), 1e-20));
-    if (lobe == DIFFUSE && !behind) lambert += radiance;
-    else rest += radiance;
+    if (lobe == DIFFUSE && !behind) lambert += limited(radiance, seen.limit.x);
+    else rest += limited(radiance, seen.limit.y);
 }
 
 void virtual_surface_light(ivec2 p) {
@@ -136,6 +143,7 @@ void virtual_surface_light(ivec2 p) {
     seen.instance = id.x;
     seen.varied = VIRTUAL_TRACER != SCREEN && (is_smooth || imageLoad(in_albedo_virtual, p).w > 0.0);
     seen.albedo_ratio = vec3(1.0);
+    seen.limit = PATH_LIMIT != 0u ? path_limit(p, VIRTUAL) / in_view.view.light_units.y : vec2(FAR);
     uint paths = EARLY != 0u ? uint(max(imageLoad(in_mask, ivec3(p, VIRTUAL)).x, 1.0)) : 1u;
     vec3 lambert = vec3(0.0), rest = vec3(0.0);
     Reflected reflected = Reflected(0.0, vec3(0.0));

@@ -20,6 +20,7 @@ layout(push_constant, scalar) uniform Push {
     float least_share;  // of the rays that meet no object, see traced_share
     uint history_valid;
     uint still;
+    float path_limit;
     uint packed; // 1: in_past holds the surfaces of the last frame; 0: the guide does
 } push;
 layout(constant_id = 1) const int LAYER = 0;
@@ -27,6 +28,7 @@ layout(constant_id = 37) const uint EARLY = 0; // 1: a virtual surface may have 
 layout(constant_id = 26) const uint ROULETTE = 0; // 1: not all rays that meet no object are traced
 layout(constant_id = 4) const uint REAL_TRACER = 0;
 layout(constant_id = 5) const uint VIRTUAL_TRACER = 0;
+layout(constant_id = 51) const uint PATH_LIMIT = 0; // 1: no path brings more than path_limit
 layout(constant_id = 50) const uint PICTURED = 0; // 1: smooth surfaces see real ones lit as the last picture has them
 const uint MARCH = 1u;     // value of REAL_TRACER
 const uint DIRECTION = 2u; // value of REAL_TRACER
@@ -384,19 +386,46 @@ Ray real_ray(Aim aim, RealStart from) {
     return trace(aim, from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0));
 }
 
+// Finds what the last picture knew of a surface's light, in packed units, and of how many paths. Returns false if it
+// showed the surface nowhere.
+bool last_light(ivec2 p, int layer, out Light last, out vec2 paths) {
+    vec4 motion = vec4(0.0, 0.0, 1.0, 0.0);
+    if (push.still == 0u) motion = layer == REAL ? motion_of(vec2(p) + 0.5, guide_position(imageLoad(in_guide, ivec3(p, REAL))), 0.0) : imageLoad(in_motion, p);
+    ivec2 q = push.still != 0u ? p : ivec2(floor(vec2(p) + 0.5 + motion.xy));
+    if (push.history_valid == 0u || motion.z <= 0.0 || !neighbour(q)) return false;
+    last = result_unpack(layer == REAL ? imageLoad(in_light, ivec3(q, REAL)) : imageLoad(in_virtual_light, ivec3(q, VIRTUAL)));
+    if (PATH_LIMIT != 0u) paths = imageLoad(in_frames, ivec3(q, LIGHT_BEFORE(layer))).xy;
+    return last.deviation.x >= 0.0 && guide_id(imageLoad(in_guide, ivec3(q, layer))) != NO_SURFACE;
+}
+
 // Returns the share of the rays from a pixel that are traced if they meet no object: all where objects changed
 // much in the last frame, `least_share` where they changed nothing. What is not traced is made up for by the
 // weight of what is.
 float traced_share(ivec2 p) {
-    vec4 motion = motion_of(vec2(p) + 0.5, guide_position(imageLoad(in_guide, ivec3(p, REAL))), 0.0);
-    ivec2 q = push.still != 0u ? p : ivec2(floor(vec2(p) + 0.5 + motion.xy));
-    if (push.history_valid == 0u || motion.z <= 0.0 || !neighbour(q)) return 1.0;
-    Light last = result_unpack(imageLoad(in_light, ivec3(q, REAL)));
+    Light last;
+    vec2 paths;
+    if (!last_light(p, REAL, last, paths)) return 1.0;
     light_decode(REAL, last);
-    if (last.deviation.x < 0.0 || guide_id(imageLoad(in_guide, ivec3(q, REAL))) == NO_SURFACE) return 1.0;
     const float ALL = 0.04; // a relative change above which all rays are traced
     return clamp(luminance(abs(last.b)) / (ALL * max(luminance(last.a), 1e-20)), push.least_share, 1.0);
 }
+
+// Returns how much luminance a path may bring to a and b, in packed units. A path that is found once in many thousand
+// would outshine its pixel. It may bring so much more than what is known of the light as that is a mean of paths: in the
+// mean it never counts for much more than the rest, and the longer the history, the less is lost.
+vec2 path_limit(ivec2 p, int layer) {
+    const float EARLY_PATHS = 8.0;
+    Light last;
+    vec2 paths, known = vec2(PI, 1.0); // that of a surface amid the panorama's mean radiance
+    if (last_light(p, layer, last, paths)) known = vec2(luminance(abs(last.a)), luminance(abs(last.b)));
+    else paths = vec2(0.0);
+    // What no object changes now may be in a shadow next, and what is dark may be lit.
+    known += layer == REAL ? vec2(0.0, 0.25 * known.x * in_view.view.light_units.y / in_view.view.light_units.x) : vec2(0.1);
+    return push.path_limit * (paths + EARLY_PATHS) * known;
+}
+
+// Brings light to at most a limit of its luminance.
+vec3 limited(vec3 light, float limit) { return light * min(1.0, limit / max(luminance(abs(light)), 1e-20)); }
 
 bool chosen(ivec2 p, float share) {
     Random random = random_begin(uvec2(p), 2u);

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 gpu_struct! {
     /// Push constants of `irradiance.comp`.
-    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32, pub march_steps: u32, pub least_share: f32, pub history_valid: u32, pub still: u32, pub packed: u32 }
+    pub struct IrradiancePush { pub screen_thickness: f32, pub screen_stride: f32, pub screen_jitter: f32, pub march_steps: u32, pub least_share: f32, pub history_valid: u32, pub still: u32, pub path_limit: f32, pub packed: u32 }
 }
 
 /// The pass that traces paths.
@@ -65,6 +65,7 @@ impl Irradiance {
                 plan.constant(Part::Bounces),
                 plan.constant(Part::Motion),
                 ("REFLECTIONS", u32::from(*layer == VIRTUAL && plan.on(Part::Reflections))),
+                ("PATH_LIMIT", u32::from(plan.limits_paths())),
                 ("PICTURED", u32::from(*layer == VIRTUAL && plan.sees_picture())),
             ];
             let constants = [&constants[..], &plan.materials()].concat();
@@ -90,47 +91,50 @@ impl Irradiance {
                 screen_jitter: settings.screen_jitter,
                 march_steps: settings.march_steps,
                 least_share: settings.least_share,
+                path_limit: settings.path_limit,
                 ..Default::default()
             },
         })
     }
 
     /// Records a dispatch for each layer. Rays see real surfaces relit, as the map `relit` holds their light.
-    /// `last` is the light of the last frame.
+    /// `last` is the light of the last frame, by layer.
     pub fn record(
         &self,
         frame: &mut Frame,
         view: &View,
         panorama: &Resources,
         scene: &SceneBuffers,
-        [relit, last]: [&Image; 2],
+        relit: &Image,
+        [last, last_virtual]: [&Image; 2],
         since: Since,
     ) -> Result<()> {
-        let push = IrradiancePush {
+        let push = |layer: u32| IrradiancePush {
+            still: u32::from(since.stands[layer as usize] != Stands::Nothing),
             history_valid: u32::from(since.history),
-            still: u32::from(since.stands[REAL as usize] != Stands::Nothing),
             packed: u32::from(since.stands[REAL as usize] != Stands::Still),
             ..self.push
         };
         let (relit, last) = (("in_relit_light", Bind::from(relit)), ("in_light", Bind::from(last)));
+        let last_virtual = ("in_virtual_light", Bind::from(last_virtual));
         let aimed = || [("in_list", Bind::from(&view.aimed)), ("in_arguments", Bind::from(&view.aimed_arguments))];
         let pools = [&view.resources, panorama, &scene.resources];
         frame.scope("irradiance", |frame| {
             if let Some(aim) = &self.aim {
                 frame.fill(&view.aimed_arguments, 0);
                 frame.barrier("aim counts from zero");
-                aim.dispatch(frame, std::slice::from_ref(&last), &pools, &push, view.listed(REAL))?;
+                aim.dispatch(frame, std::slice::from_ref(&last), &pools, &push(REAL), view.listed(REAL))?;
                 frame.barrier("irradiance reads what aim left");
             }
             (0..).zip(&self.layers).try_for_each(|(layer, kernel)| {
                 let name = if layer == REAL { "real" } else { "virtual" };
-                let (mut special, mut threads) = (vec![relit.clone(), last.clone()], view.listed(layer));
+                let (mut special, mut threads) = (vec![relit.clone(), last.clone(), last_virtual.clone()], view.listed(layer));
                 if layer == REAL && self.aim.is_some() {
                     special.extend(aimed());
                     threads = Threads::Indirect(&view.aimed_arguments, 0);
                 }
                 frame.barrier(LAYERS_FOLLOW);
-                frame.scope(name, |frame| kernel.dispatch(frame, &special, &pools, &push, threads))
+                frame.scope(name, |frame| kernel.dispatch(frame, &special, &pools, &push(layer), threads))
             })
         })
     }

@@ -370,6 +370,16 @@ impl Plan {
         parts.into_iter().all(|part| self.on(part))
     }
 
+    /// Whether `irradiance` looks at the light of the last frame.
+    pub fn knows_last_light(&self) -> bool {
+        self.roulette() || self.sees_picture() || self.limits_paths()
+    }
+
+    /// Whether one path may not bring much more light than the last picture shows.
+    pub fn limits_paths(&self) -> bool {
+        self.on(Part::Temporal) && self.settings.path_limit < f32::INFINITY
+    }
+
     /// Whether rays meet virtual objects by the device's ray queries.
     pub fn ray_queries(&self) -> bool {
         self.on(Part::Objects) && self.settings.virtual_tracer == VirtualTracer::RayQuery
