@@ -377,8 +377,9 @@ impl World {
             let point = eye + d * real.t;
             let captured = bilinear(panorama, (unturn * point).normalize());
             // The real and virtual points nearest to the pixel's centre stand for all that the pixel shows of
-            // either kind.
+            // either kind. What mirrors show differs from point to point: that is the mean.
             let (mut share, mut nearest, mut shown, mut lit) = (0.0, [f32::INFINITY; 2], None, (real, point));
+            let mut mirrors = (Vec3::ZERO, 0.0);
             for k in 0..16 {
                 let offset = r2(k, Vec2::splat(0.5));
                 let (d, off_centre) = (ray(at + offset), (offset - 0.5).length_squared());
@@ -390,8 +391,15 @@ impl World {
                             (nearest[0], lit) = (off_centre, (behind, eye + d * behind.t));
                         }
                     }
-                    Some(hit) if off_centre < nearest[1] => (nearest[1], shown) = (off_centre, Some((hit, d))),
-                    Some(_) => {}
+                    Some(hit) => {
+                        if hit.thing.is_some_and(|i| self.things[i].mirror) {
+                            mirrors.0 += self.thing_radiance(&hit, eye, d, turn, 2);
+                            mirrors.1 += 1.0;
+                        }
+                        if off_centre < nearest[1] {
+                            (nearest[1], shown) = (off_centre, Some((hit, d)));
+                        }
+                    }
                 }
             }
             let mut radiance = Vec3::ZERO;
@@ -399,7 +407,9 @@ impl World {
                 radiance += share * (captured + self.relight(lit.1, lit.0.normal, captured, turn)).max(Vec3::ZERO);
             }
             if let Some((hit, d)) = shown {
-                radiance += (1.0 - share) * self.thing_radiance(&hit, eye, d, turn, 2);
+                let is_mirror = hit.thing.is_some_and(|i| self.things[i].mirror);
+                let seen = if is_mirror { mirrors.0 / mirrors.1 } else { self.thing_radiance(&hit, eye, d, turn, 2) };
+                radiance += (1.0 - share) * seen;
             }
             (radiance.extend(1.0).to_array(), captured.extend(1.0).to_array(), share, point)
         };
