@@ -128,7 +128,8 @@ impl Irradiance {
             }
             (0..).zip(&self.layers).try_for_each(|(layer, kernel)| {
                 let name = if layer == REAL { "real" } else { "virtual" };
-                let (mut special, mut threads) = (vec![relit.clone(), last.clone(), last_virtual.clone()], view.listed(layer));
+                let (mut special, mut threads) =
+                    (vec![relit.clone(), last.clone(), last_virtual.clone()], view.listed(layer));
                 if layer == REAL && self.aim.is_some() {
                     special.extend(aimed());
                     threads = Threads::Indirect(&view.aimed_arguments, 0);

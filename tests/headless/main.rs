@@ -46,6 +46,7 @@ mod reload;
 mod renderer;
 mod rooms;
 mod samplers;
+mod samples;
 mod scene;
 mod shapes;
 mod stability;
