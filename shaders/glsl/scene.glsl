@@ -328,10 +328,15 @@ vec3 mapped_normal(vec3 texel, float scale, vec3 tangent, float bitangent, vec3 
     return normalize(tangent * n.x + cross(normal, tangent) * (bitangent < 0.0 ? -n.y : n.y) + normal * n.z);
 }
 
-// Tilts a normal that faces away from the ray, and so would see nothing, back to the horizon.
-vec3 facing_normal(vec3 normal, vec3 d) {
+// Tilts a normal that faces away from the ray, and so would see nothing, back to the horizon. One that would mirror the
+// ray below the surface is tilted until the mirrored ray leaves it (as in Keller et al. 2017, The Iray light transport
+// simulation and rendering system, A.3).
+vec3 facing_normal(vec3 normal, vec3 geometric, vec3 d) {
     float facing = dot(normal, d);
-    return facing > -1e-3 ? normalize(normal - d * (facing + 1e-3)) : normal;
+    if (facing > -1e-3) normal = normalize(normal - d * (facing + 1e-3));
+    vec3 mirrored = reflect(d, normal);
+    float least = min(-0.9 * dot(geometric, d), 0.01), above = dot(mirrored, geometric);
+    return above < least ? normalize(normalize(mirrored + geometric * (least - above)) - d) : normal;
 }
 
 // Returns the surface at a hit. `d` is the ray's direction, and `width` the width of its footprint there in
@@ -382,7 +387,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     if (TEXTURED(SLOT_NORMAL) && has_tangent) normal = mapped_normal(TEXEL(SLOT_NORMAL).xyz, m.normal_scale, t, bitangent, normal);
     s.inside = dot(s.geometric, d) > 0.0 && FAULT != FAULT_NORMALS_UNTURNED;
     if (s.inside) { s.geometric = -s.geometric; normal = -normal; }
-    s.normal = facing_normal(normal, d);
+    s.normal = facing_normal(normal, s.geometric, d);
 
     s.base_color = m.base_color;
     s.metallic = m.metallic;
@@ -436,7 +441,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
         if (TEXTURED(SLOT_CLEARCOAT_NORMAL) && has_tangent)
             s.clearcoat_normal = mapped_normal(TEXEL(SLOT_CLEARCOAT_NORMAL).xyz, m.clearcoat_normal_scale, t, bitangent, smooth_normal);
         if (s.inside) s.clearcoat_normal = -s.clearcoat_normal;
-        s.clearcoat_normal = facing_normal(s.clearcoat_normal, d);
+        s.clearcoat_normal = facing_normal(s.clearcoat_normal, s.geometric, d);
     }
     if (SHEEN != 0u) {
         s.sheen_color = m.sheen_color;

@@ -1,5 +1,6 @@
 //! glTF loading: real models, and 263 broken ones.
 
+use crate::folder::Folder;
 use glam::{Vec2, Vec3};
 use iprt::{
     panorama::{depth::Quantisation, source::PanoramaFrame, source::PanoramaSource},
@@ -12,7 +13,7 @@ use iprt::{
         file::RenderSettings,
         gltf,
         material::{Alpha, Slot, TextureUse},
-        model::Model,
+        model::{Mesh, Model},
     },
 };
 use std::{
@@ -215,6 +216,29 @@ fn missing_normals_are_flat_and_missing_tangents_are_made() {
         }
         assert!(normal_mapped.is_none() || mesh.tangents.iter().any(|tangent| tangent[3] != 0.0));
     }
+}
+
+#[test]
+fn tangents_that_are_made_are_those_that_a_file_brings() {
+    // The same bottle without its tangents.
+    let given = data("gltf/WaterBottle/WaterBottle.gltf");
+    let folder = Folder::empty();
+    for entry in std::fs::read_dir(given.parent().expect("a folder")).expect("readable") {
+        let path = entry.expect("an entry").path();
+        std::fs::copy(&path, folder.path(&path.file_name().expect("a name").to_string_lossy())).expect("copies");
+    }
+    let text = std::fs::read_to_string(&given).expect("text").replace("\"TANGENT\"", "\"_UNUSED\"");
+    std::fs::write(folder.path("WaterBottle.gltf"), text).expect("writes");
+    let corners = |path: &Path| -> Vec<[f32; 4]> {
+        let (model, _) = gltf::load(path).expect("loads");
+        let of = |mesh: &Mesh| mesh.triangles.iter().flatten().map(|i| mesh.tangents[*i as usize]).collect::<Vec<_>>();
+        model.meshes.iter().flat_map(of).collect()
+    };
+    let (given, made) = (corners(&given), corners(&folder.path("WaterBottle.gltf")));
+    assert!(given.len() == made.len() && given.len() > 10_000);
+    let alike = |(a, b): &(&[f32; 4], &[f32; 4])| (0..3).map(|i| a[i] * b[i]).sum::<f32>() > 0.95 && a[3] == b[3];
+    let share = given.iter().zip(&made).filter(alike).count() as f32 / given.len() as f32;
+    assert!(share > 0.98, "{share} of the corners agree");
 }
 
 #[test]

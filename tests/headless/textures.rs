@@ -1,14 +1,15 @@
 //! Textures are filtered: a pixel shows the mean of what it covers, near and far, and does not shimmer.
 
-use crate::common::*;
+use crate::{common::*, mitsuba::data_file};
 use glam::{Vec3, vec3};
 use iprt::{
     options::RenderOptions,
     renderer::Renderer,
     scene::{
         Object,
-        animation::Track,
+        animation::{Placement, Track, Transform},
         camera::{Aim, CameraTrack},
+        gltf,
         material::{Material, Slot, TexelEncoding, Texture, TextureUse, Wrap},
         model::Model,
         shapes::Shape,
@@ -85,5 +86,47 @@ fn a_checkered_floor_does_not_shimmer() {
         assert!(pixels > 4000.0, "{pixels}");
         // 0.122 and 0.053 with the nearest level and one probe
         assert!(error < 0.04 && flicker < 0.03, "{error} {flicker}");
+    });
+}
+
+#[test]
+fn a_normal_map_shows_the_ball_that_stands_beside_it() {
+    validated(|gpu| {
+        // Balls of five rows and three materials, each beside its own normal map, which is turned by something else in each
+        // row. The file has no tangents.
+        let (model, _) = gltf::load(&data_file("gltf/NormalTangentTest/NormalTangentTest.glb")).expect("loads");
+        let object = Object {
+            name: "balls".into(),
+            model: model.into(),
+            placement: Placement::fixed(Transform { translation: vec3(0.0, 0.0, -8.0), ..Transform::IDENTITY }),
+            clip: None,
+            speed: 1.0,
+        };
+        let lamp = vec3(0.5, 0.7, 0.5).normalize();
+        let radiance = |d: Vec3| Vec3::splat(0.2 + 4.0 * d.dot(lamp).max(0.0).powi(4));
+        let panorama = room([128, 64], Vec3::splat(40.0), Vec3::ZERO, radiance);
+        let scene = scene(panorama, camera(Vec3::ZERO, vec3(0.0, 0.0, -8.0), 17.0), vec![object]);
+        let size = [240, 240];
+        let renderer = rendered(gpu, &scene, RenderOptions { size, ..options(Method::Iprt, &[]) }, 12);
+        let picture = aov(&renderer, "radiance");
+        let metre = 120.0 / (8.0 * 8.5_f32.to_radians().tan());
+        let disc = |x: f32, y: f32| -> Vec<f32> {
+            let (x, y) = ((120.0 + metre * x) as i32, (120.0 - metre * y) as i32);
+            let reach = -4..=4;
+            let inside =
+                reach.clone().flat_map(|j| reach.clone().map(move |i| (i, j))).filter(|(i, j)| i * i + j * j <= 16);
+            inside.map(|(i, j)| picture[((y + j) * 240 + x + i) as usize][1]).collect()
+        };
+        for (column, row) in (0..15).map(|k| (k % 3, k / 3)) {
+            let (x, y) = (-0.96 + 0.8 * column as f32, 0.8 - 0.4 * row as f32);
+            let (ball, map) = (disc(x, y), disc(x + 0.32, y));
+            let mean = |of: &[f32]| of.iter().sum::<f32>() / of.len() as f32;
+            let (a, b) = (mean(&ball), mean(&map));
+            let product =
+                |f: &[f32], g: &[f32], a: f32, b: f32| f.iter().zip(g).map(|(f, g)| (f - a) * (g - b)).sum::<f32>();
+            let alike = product(&ball, &map, a, b) / (product(&ball, &ball, a, a) * product(&map, &map, b, b)).sqrt();
+            println!("{column} {row}: {alike} {a} {b}");
+            assert!(alike > 0.8, "column {column}, row {row}: {alike}");
+        }
     });
 }

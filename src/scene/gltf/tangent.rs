@@ -39,7 +39,9 @@ impl<C: Corners> Geometry for Work<'_, C> {
     }
 
     fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, corner: usize) {
-        let tangent = tangent.map_or([0.0; 4], |tangent| tangent.tangent_encoded());
+        let [x, y, z, sign] = tangent.map_or([0.0; 4], |tangent| tangent.tangent_encoded());
+        // MikkTSpace takes v upwards. In glTF it points down, and the green of normal maps up.
+        let tangent = [x, y, z, -sign];
         let usable = tangent.iter().all(|value| value.is_finite());
         self.tangents[face * 3 + corner] = if usable { tangent } else { [0.0; 4] };
     }
