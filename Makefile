@@ -7,7 +7,7 @@ IPRT = $(or $(CARGO_TARGET_DIR),target)/release/iprt
 # cargo-nextest where it is installed.
 RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" || echo test)
 
-.PHONY: demo results chart gallery build test faults fuzz lint docs setup clean
+.PHONY: demo results chart gallery build test faults fuzz validation lint docs setup clean
 
 demo: build
 	mkdir -p out
@@ -45,6 +45,10 @@ faults: setup
 # Ten minutes of mutated inputs, two for each reader; `make test` tries a few hundred.
 fuzz: setup
 	IPRT_FUZZ_SECONDS=120 cargo $(RUNNER) --locked --features faults $(SHADERC) fuzz::
+
+# GPU-assisted validation, best practices and synchronization, in motion and in the window, on two drivers and two layers.
+validation: build
+	scripts/other_vulkan validation
 
 lint: setup
 	cargo fmt --check

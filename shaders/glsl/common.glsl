@@ -9,6 +9,7 @@ const float FAR = 1e30;
 const uint PERSPECTIVE = 0u;
 const uint EQUIRECT = 1u;
 const uint EITHER = 2u;
+const uint EQUIRECT_OF_EYE = 3u; // equirect, of one eye of two
 layout(constant_id = 14) const uint PROJECTION = EITHER; // of the view, if a pipeline serves one alone
 
 // The two surfaces that a pixel may hold, and the layer of each in array images.
@@ -116,7 +117,11 @@ ivec2 wrap_texel(ivec2 p, ivec2 size) {
 // Finds an item of a table, which is an array as an image.
 ivec2 table_texel(uint item) { return ivec2(item & 4095u, item >> 12u); }
 
-uint projection() { return PROJECTION == EITHER ? in_view.view.projection : PROJECTION; }
+uint projection() { return PROJECTION == EITHER ? in_view.view.projection : PROJECTION & 1u; }
+
+// Says whether the view is of one eye of two. A pipeline of one projection does not ask the view: lavapipe 22 compiles a
+// shader with such a condition anew in each frame, and frees none.
+bool of_eye() { return PROJECTION == EITHER ? in_view.view.eye != 0.0 : PROJECTION == EQUIRECT_OF_EYE; }
 
 // Finds a neighbouring pixel of this view, if there is one. An equirect view wraps, a perspective one ends.
 bool neighbour(inout ivec2 p) {
@@ -147,7 +152,7 @@ float eye_offset(float latitude) { return in_view.view.eye * (1.0 - smoothstep(6
 // with the other beside them (omnidirectional stereo, Peleg, Ben-Ezra and Pritch 2001).
 vec3 view_origin(vec2 pixel) {
     View v = in_view.view;
-    if (projection() != EQUIRECT || v.eye == 0.0) return v.position;
+    if (projection() != EQUIRECT || !of_eye()) return v.position;
     vec2 s = pixel / vec2(v.size), phi = circle(s.x - 0.5);
     return v.position + (v.right * phi.x - v.forward * phi.y) * eye_offset(PI * (0.5 - s.y));
 }
@@ -161,7 +166,7 @@ vec3 project_previous(vec3 point) {
     float distance = length(d);
     if (projection() == EQUIRECT) {
         float phi = arctangent(local.x, local.z), along = length(local.xz), theta = arctangent(along, local.y);
-        if (v.eye != 0.0) {
+        if (of_eye()) {
             // The ray touches the circle of the eyes. How wide that is depends on how high the point is seen.
             float off = 0.0, ahead = along;
             for (int k = 0; k < 3; k++) {

@@ -33,7 +33,6 @@ pub(super) struct FoundAdapter {
     pub adapter: Adapter,
     pub queue_family: u32,
     pub timestamp_bits: u32,
-    pub extended_formats: bool,
     pub draws: bool,
     /// What it lacks for ray queries.
     pub lacks_for_ray_queries: Vec<String>,
@@ -96,7 +95,6 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
             vk::api_version_patch(version)
         );
         let mut driver = format!("driver {:#x}", plain.driver_version);
-        let mut extended_formats = false;
         let mut lacks_for_ray_queries = vec!["Vulkan 1.3".to_owned()];
         if version < vk::API_VERSION_1_3 {
             problems.push(format!("it implements Vulkan {api_version} and 1.3 is needed"));
@@ -111,8 +109,8 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
             let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
             let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
             instance.get_physical_device_features2(handle, &mut features);
-            extended_formats = features.features.shader_storage_image_extended_formats == vk::TRUE;
             lacks_for_ray_queries = acceleration::lacking(instance, handle);
+            let extended_formats = features.features.shader_storage_image_extended_formats;
             let ballots = vk::SubgroupFeatureFlags::BASIC | vk::SubgroupFeatureFlags::BALLOT;
             if !subgroups.supported_operations.contains(ballots)
                 || !subgroups.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
@@ -120,6 +118,7 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
                 problems.push("it lacks subgroup ballots in compute shaders".to_owned());
             }
             for (has, name) in [
+                (extended_formats, "shaderStorageImageExtendedFormats"),
                 (v12.scalar_block_layout, "scalarBlockLayout"),
                 (v12.host_query_reset, "hostQueryReset"),
                 (v13.synchronization2, "synchronization2"),
@@ -150,7 +149,6 @@ unsafe fn examine(instance: &ash::Instance, index: usize, handle: vk::PhysicalDe
             handle,
             queue_family: family.unwrap_or(0) as u32,
             timestamp_bits: family.map_or(0, |i| families[i].timestamp_valid_bits),
-            extended_formats,
             lacks_for_ray_queries,
             draws: family.is_some_and(|i| families[i].queue_flags.contains(vk::QueueFlags::GRAPHICS)),
             adapter: Adapter {
@@ -246,13 +244,12 @@ pub(super) fn instance(
         let mut info = vk::InstanceCreateInfo::default().application_info(&app);
         if let Some(support) = layer {
             info = info.enabled_layer_names(&layers).push_next(&mut messenger);
-            if support.features {
-                extensions.push(ash::ext::validation_features::NAME.as_ptr());
-                info = info.push_next(&mut features);
-            }
             if support.settings {
                 extensions.push(ash::ext::layer_settings::NAME.as_ptr());
                 info = info.push_next(&mut settings);
+            } else if support.features {
+                extensions.push(ash::ext::validation_features::NAME.as_ptr());
+                info = info.push_next(&mut features);
             }
         }
         let made = match entry.create_instance(&info.enabled_extension_names(&extensions), None) {

@@ -215,8 +215,7 @@ fn open(
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(chosen.queue_family)
             .queue_priorities(&priorities)];
-        let features =
-            vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(chosen.extended_formats);
+        let features = vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(true);
         let ray_queries = chosen.lacks_for_ray_queries.is_empty();
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
             .scalar_block_layout(true)
@@ -352,10 +351,6 @@ impl Parts {
         // SAFETY: the device belongs to this physical device, and was created with the extensions if it has them.
         let builder = || unsafe { Builder::new(&instance, handle, &self.device) };
         let builder = self.chosen.lacks_for_ray_queries.is_empty().then(builder);
-        let mut storage = features.map(|f| f.contains(vk::FormatFeatureFlags::STORAGE_IMAGE));
-        for extended in [Format::R16f, Format::Rg16f, Format::Rg32f, Format::Rg32u] {
-            storage[extended as usize] &= self.chosen.extended_formats;
-        }
         let shared = Shared {
             clock: Clock { valid_bits: self.chosen.timestamp_bits, period_ns: limits.timestamp_period },
             limits,
@@ -363,7 +358,7 @@ impl Parts {
             builder,
             lacks_for_ray_queries: self.chosen.lacks_for_ray_queries,
             linear_filter: features.map(|f| f.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)),
-            storage,
+            storage: features.map(|f| f.contains(vk::FormatFeatureFlags::STORAGE_IMAGE)),
             device: self.device,
             debug: self.debug,
             samplers: self.samplers,

@@ -1,12 +1,12 @@
 //! GPU time from timestamp queries.
 
-use std::time::Instant;
+use std::{collections::HashSet, sync::Arc, time::Instant};
 
 /// How long one dispatch or transfer took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Entry {
     /// The scopes in which it was recorded, the outermost first, and then its own name.
-    pub path: Vec<String>,
+    pub path: Arc<[String]>,
     /// When it began, milliseconds after the first entry.
     pub start_ms: f64,
     /// How long it took, milliseconds.
@@ -59,12 +59,22 @@ impl Timings {
         self.entries.iter().map(|entry| entry.ms).sum()
     }
 
+    /// Takes paths from `known`, so that the times of many frames hold each once.
+    pub fn share_paths(&mut self, known: &mut HashSet<Arc<[String]>>) {
+        for entry in &mut self.entries {
+            match known.get(&entry.path) {
+                Some(path) => entry.path = Arc::clone(path),
+                None => drop(known.insert(Arc::clone(&entry.path))),
+            }
+        }
+    }
+
     /// Builds the tree of scopes. Entries of the same path are summed.
     pub fn tree(&self) -> Vec<Node> {
         let mut tree = Vec::new();
         for entry in &self.entries {
             let mut level = &mut tree;
-            for name in &entry.path {
+            for name in &*entry.path {
                 let known = level.iter().position(|node: &Node| node.name == *name);
                 let at = known.unwrap_or_else(|| {
                     level.push(Node { name: name.clone(), start_ms: entry.start_ms, ..Node::default() });
@@ -111,7 +121,7 @@ impl Clock {
     pub(super) fn timings<'a>(self, paths: impl Iterator<Item = &'a [String]>, stamps: &[u64]) -> Timings {
         let since_first = |stamp| stamps.first().map_or(0.0, |&first| self.milliseconds(first, stamp));
         let entries = paths.zip(stamps.chunks_exact(2)).map(|(path, pair)| Entry {
-            path: path.to_vec(),
+            path: path.into(),
             start_ms: since_first(pair[0]),
             ms: self.milliseconds(pair[0], pair[1]),
         });

@@ -111,20 +111,24 @@ pub(super) fn settings() -> [vk::LayerSettingEXT<'static>; 2] {
     })
 }
 
-/// The environment variable that makes older layers check hazards across submissions.
+/// The environment variable that makes older layers check hazards across submissions. They can be asked in no other way.
 pub const SUBMIT_CHECKS: (&str, &str) = (
     "VK_LAYER_ENABLES",
     "VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT:\
      VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT",
 );
 
-/// Sets [`SUBMIT_CHECKS`] unless the user has set that variable. Only the layer reads it.
+/// Sets [`SUBMIT_CHECKS`] if validation is asked for and the layer is an older one, unless the user has set that variable.
+/// Newer layers are configured by [`settings`], over which the user's own configuration goes.
 ///
 /// # Safety
 /// No other thread may run, so call it first in `main`. Tests use `.cargo/config.toml` instead.
 pub unsafe fn enable_submit_checks() {
     let (name, value) = SUBMIT_CHECKS;
-    if std::env::var_os(name).is_none() {
+    let wanted =
+        std::env::args_os().any(|word| word == "--validation") || std::env::var_os("IPRT_VALIDATION").is_some();
+    let older = || super::adapter::load().and_then(|entry| find_layer(&entry)).is_ok_and(|layer| !layer.settings);
+    if wanted && std::env::var_os(name).is_none() && older() {
         // SAFETY: the caller's promise.
         unsafe { std::env::set_var(name, value) };
     }

@@ -270,7 +270,7 @@ impl BenchReport {
             // A scope is one event from its first entry to its last, and a viewer shows its entries below.
             let mut scopes: Vec<(&str, f64, f64)> = Vec::new();
             for Entry { path, start_ms, ms } in &sample.timings.entries {
-                let same = scopes.iter().zip(path).take_while(|((name, ..), other)| name == other).count();
+                let same = scopes.iter().zip(path.iter()).take_while(|((name, ..), other)| name == other).count();
                 let same = same.min(path.len() - 1);
                 scopes.drain(same..).for_each(|(name, start, end)| event(name, 2, offset + start, end - start));
                 scopes.extend(path[same..path.len() - 1].iter().map(|name| (name.as_str(), *start_ms, *start_ms)));

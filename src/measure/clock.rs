@@ -9,7 +9,10 @@ use crate::{
     scene::Scene,
 };
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeMap, time::Instant};
+use std::{
+    collections::{BTreeMap, HashSet},
+    time::Instant,
+};
 
 /// The number of frames of a new renderer whose times do not count: shaders are compiled, and the history is
 /// short.
@@ -40,8 +43,9 @@ pub fn frames(
     mut each: impl FnMut() -> Result<()>,
 ) -> Result<Vec<Sample>> {
     let start = Instant::now();
-    let (mut began_ms, mut samples) = (0.0, Vec::new());
-    renderer.render_all(scene, times, wishes, |timings| {
+    let (mut began_ms, mut samples, mut paths) = (0.0, Vec::new(), HashSet::new());
+    renderer.render_all(scene, times, wishes, |mut timings| {
+        timings.share_paths(&mut paths);
         let ended_ms = timings.ended.unwrap_or_else(Instant::now).duration_since(start).as_secs_f64() * 1e3;
         samples.push(Sample { timings, began_ms, wall_ms: ended_ms - began_ms });
         began_ms = ended_ms;

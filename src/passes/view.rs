@@ -144,8 +144,12 @@ pub enum Role {
 impl Role {
     /// The specialization constant of the projection, which is one in all views of this role.
     pub fn projection(self, plan: &Plan) -> Constant {
-        let equirect = self == Self::Relight || plan.facts.projection == Projection::Equirect;
-        ("PROJECTION", u32::from(equirect))
+        let number = match (self, plan.facts.projection) {
+            (Self::Picture, Projection::Perspective) => 0,
+            (Self::Picture, Projection::Equirect) if plan.facts.of_eye => 3,
+            _ => 1,
+        };
+        ("PROJECTION", number)
     }
 
     /// The layers whose surfaces are lit.

@@ -42,6 +42,8 @@ pub const EVEN: f64 = 0.05 - 1e-4;
 pub struct Facts {
     /// The projection of the picture.
     pub projection: Projection,
+    /// Whether the picture is that of one eye of two.
+    pub of_eye: bool,
     /// The mean luminance of the panorama's first frame.
     pub luminance: f32,
     /// The brightest radiance that a material emits, without its texture, and the greatest irradiance ten centimetres
@@ -113,6 +115,7 @@ impl Facts {
         };
         Ok(Self {
             projection: options.projection,
+            of_eye: options.eye != 0.0,
             luminance: mean_luminance(&first),
             brightest: brightest(scene),
             color_size: first.color_size,

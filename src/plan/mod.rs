@@ -64,9 +64,9 @@ impl PartialEq for Plan {
     fn eq(&self, other: &Self) -> bool {
         let key = |plan: &Self| {
             let on: Vec<bool> = plan.parts.iter().map(|part| part.on).collect();
-            let Facts { projection, color_size, depth_size, .. } = plan.facts;
+            let Facts { projection, of_eye, color_size, depth_size, .. } = plan.facts;
             let slots = plan.constant(Part::Textures);
-            (on, plan.size, projection, plan.looks_up(), plan.color_levels(), color_size, depth_size, slots)
+            (on, plan.size, projection, of_eye, plan.looks_up(), plan.color_levels(), color_size, depth_size, slots)
         };
         // switches of parts have no effect besides the parts themselves
         let switches = |name: &str| Part::ALL.iter().any(|part| part.is_switch() && part.row().setting == name);

@@ -1,18 +1,29 @@
 //! Caches serve whoever comes, whatever was done to them: two processes at once, killed writers, folders that cannot be
 //! written, files of an older version or of nobody.
 
-use crate::folder::Folder;
-use glam::Vec3;
+use crate::{
+    common::{options, scene},
+    folder::Folder,
+};
+use glam::{Vec3, vec3};
 use iprt::{
     gpu::{Gpu, GpuOptions},
-    reference::capture::{CaptureSettings, capture_cached},
+    measure::choice::{Candidate, Sheet, store::Store},
+    options::RenderOptions,
+    reference::{
+        cache::{Keep, truth_of_scene},
+        capture::{CaptureSettings, capture_cached},
+    },
     scene::{CompleteScene, camera::CameraTrack, material::Material, model::Model, shapes::Shape},
+    settings::Method,
 };
 use std::{
+    collections::BTreeMap,
     fs::{self, File},
+    os::unix::{fs::PermissionsExt, process::CommandExt},
     path::{Path, PathBuf},
-    process::{Command, Stdio},
-    sync::Arc,
+    process::{Child, Command, Stdio},
+    sync::{Arc, atomic::AtomicBool},
     time::{Duration, SystemTime},
 };
 
@@ -89,28 +100,163 @@ fn a_cache_that_cannot_be_written_is_done_without() {
     assert!(rendered(&folder, "c.png") == picture);
 }
 
-#[test]
-fn captures_are_shared_by_processes() {
-    let cache = Folder::empty();
+/// Makes one of each thing that is kept: pipelines, a capture, a truth, and a chart's points. Returns their hash.
+fn all_kinds(cache: &Path) -> String {
+    let device = std::env::var("IPRT_DEVICE").ok();
+    let pipeline_cache = Some(cache.join("pipelines"));
+    let gpu = Gpu::new(&GpuOptions { device, pipeline_cache, ..GpuOptions::default() }).expect("a device");
     let wall = Material { emissive: Vec3::splat(0.5), ..Material::plain("wall", Vec3::splat(0.5), 1.0) };
-    let room = Arc::new(Model::from_mesh(Shape::Box.mesh(Vec3::new(4.0, 3.0, 5.0)), wall));
+    let room = Arc::new(Model::from_mesh(Shape::Box.mesh(vec3(4.0, 3.0, 5.0)), wall));
+    let complete =
+        CompleteScene::assemble("room", room, CameraTrack::at_point(Vec3::ZERO), Vec::new()).expect("a room");
     let settings = CaptureSettings { size: [32, 16], samples: 2, progress: false, ..CaptureSettings::default() };
-    let capture = || {
-        let gpu = Gpu::new(&GpuOptions { device: std::env::var("IPRT_DEVICE").ok(), ..GpuOptions::default() });
-        let camera = CameraTrack::at_point(Vec3::ZERO);
-        let scene = CompleteScene::assemble("room", room.clone(), camera, Vec::new()).expect("a room");
-        capture_cached(&gpu.expect("a device"), &scene, Vec3::ZERO, &settings, Some(cache.root())).expect("captures")
+    let panorama = capture_cached(&gpu, &complete, Vec3::ZERO, &settings, Some(cache)).expect("captures");
+
+    let options = RenderOptions { size: [16, 12], ..options(Method::Reference, &[]) };
+    let keep = Keep { folder: Some(cache), stop: &AtomicBool::new(false) };
+    let truth = truth_of_scene(&gpu, &complete, &options, 0.0, 8, keep, &mut || ()).expect("a truth");
+
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(bytemuck::cast_slice(&panorama.radiance)).update(bytemuck::cast_slice(&panorama.depth));
+    hasher.update(bytemuck::cast_slice(&truth.radiance));
+    let scene = scene(panorama, CameraTrack::at_point(Vec3::ZERO), Vec::new());
+    let points = Store::of(&gpu, &scene, &options, 1.0, Some(cache)).expect("a key");
+    if points.load().is_empty() {
+        points.put(Sheet { size: options.size, candidates: vec![Candidate::default()], ..Sheet::default() });
+    }
+    gpu.destroy().expect("nothing holds it");
+    hasher.finalize().to_hex().to_string()
+}
+
+/// Not a test, but what a process of the test below does.
+#[test]
+#[ignore = "the next test runs it in processes of its own"]
+fn a_process_that_fills_a_cache() {
+    if let Some(cache) = std::env::var_os("IPRT_TEST_CACHE") {
+        println!("hash {}", all_kinds(Path::new(&cache)));
+    }
+}
+
+/// A process that runs that.
+fn filling(cache: &Path) -> Command {
+    let mut command = Command::new(std::env::current_exe().expect("known"));
+    command.args(["--exact", "caches::a_process_that_fills_a_cache", "--ignored", "--nocapture"]);
+    command.env("IPRT_TEST_CACHE", cache).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn hash_of(child: Child) -> String {
+    let output = child.wait_with_output().expect("ends");
+    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    let hash = out.lines().find_map(|line| line.split("hash ").nth(1)).unwrap_or_else(|| panic!("{out}{err}"));
+    hash.to_owned()
+}
+
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    files(folder).into_iter().map(|path| (path.clone(), fs::read(path).expect("readable"))).collect()
+}
+
+/// Forbids writing in a folder, and what is in it, or allows it again.
+fn writable(folder: &Path, may: bool) {
+    for entry in folder.read_dir().expect("a folder").map(|entry| entry.expect("readable").path()) {
+        if entry.is_dir() {
+            writable(&entry, may);
+        }
+    }
+    fs::set_permissions(folder, fs::Permissions::from_mode(if may { 0o755 } else { 0o555 })).expect("set");
+}
+
+/// Takes from the process that it begins what lets root write everywhere. Other users have not got it.
+fn as_anybody(command: &mut Command) -> &mut Command {
+    const CAP_DAC_OVERRIDE: libc::c_ulong = 1;
+    // SAFETY: it is one system call.
+    unsafe {
+        command.pre_exec(|| {
+            libc::prctl(libc::PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0);
+            Ok(())
+        })
+    }
+}
+
+/// Lets the process write no file, as on a full disk.
+fn on_a_full_disk(command: &mut Command) -> &mut Command {
+    // SAFETY: these are two system calls.
+    unsafe {
+        command.pre_exec(|| {
+            libc::signal(libc::SIGXFSZ, libc::SIG_IGN);
+            let none = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+            if libc::setrlimit(libc::RLIMIT_FSIZE, &none) == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
+        })
+    }
+}
+
+#[test]
+fn captures_truths_points_and_pipelines_survive_what_befalls_a_cache() {
+    let (cache, other) = (Folder::empty(), Folder::empty());
+    // Two at once on a cold cache.
+    let both = [filling(cache.root()), filling(cache.root())].map(|mut one| one.spawn().expect("starts"));
+    let [hash, same] = both.map(hash_of);
+    assert_eq!(hash, same);
+    let kept = contents(cache.root());
+    let text: Vec<_> = kept.keys().map(|path| path.display().to_string()).collect();
+    for kind in ["pipelines/", "capture-", "truth-", "points-"] {
+        assert!(text.iter().any(|path| path.contains(kind)), "{kind} in {text:?}");
+    }
+    assert!(!text.iter().any(|path| path.contains(".iprt-")), "{text:?}");
+    let times = || -> Vec<_> {
+        kept.keys().map(|path| fs::metadata(path).and_then(|m| m.modified()).expect("there")).collect()
     };
-    let all: Vec<_> = std::thread::scope(|scope| {
-        let both = [scope.spawn(capture), scope.spawn(capture)];
-        both.into_iter().map(|one| one.join().expect("captures")).collect()
+    let again = |what: &str, change: &dyn Fn(&mut Command)| {
+        let mut command = filling(cache.root());
+        change(&mut command);
+        assert_eq!(hash_of(command.spawn().expect("starts")), hash, "{what}");
+    };
+    let written = times();
+    again("all is there", &|_| ());
+    assert_eq!(times(), written, "it was read, not made again");
+
+    // A folder that can be read alone, filled and empty; a full one.
+    writable(cache.root(), false);
+    writable(other.root(), false);
+    again("read-only", &|command| {
+        as_anybody(command);
     });
-    let kept = files(cache.root());
-    assert!(!kept.is_empty() && !kept.iter().any(|path| path.to_string_lossy().contains(".iprt-")), "{kept:?}");
-    let again = capture();
-    assert!(all.iter().all(|one| one.radiance == again.radiance && one.depth == again.depth));
-    let stamp = |path: &PathBuf| fs::metadata(path).and_then(|data| data.modified()).expect("there");
-    let before: Vec<_> = kept.iter().map(stamp).collect();
-    assert_eq!(capture().radiance, again.radiance);
-    assert_eq!(kept.iter().map(stamp).collect::<Vec<_>>(), before, "it was read, not made again");
+    again("empty and read-only", &|command| {
+        as_anybody(command.env("IPRT_TEST_CACHE", other.root()));
+    });
+    writable(cache.root(), true);
+    writable(other.root(), true);
+    again("full", &|command| {
+        on_a_full_disk(command.env("IPRT_TEST_CACHE", other.root()));
+    });
+    assert!(files(other.root()).is_empty(), "{:?}", files(other.root()));
+    assert_eq!(times(), written);
+
+    // A writer that was killed, at its first file and between those of a capture; an older version.
+    let mut killed = filling(other.root()).spawn().expect("starts");
+    while files(other.root()).is_empty() {
+        assert!(killed.try_wait().expect("runs").is_none(), "it ended before it was killed");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    killed.kill().expect("runs");
+    killed.wait().expect("ends");
+    again("after a killed writer", &|command| {
+        command.env("IPRT_TEST_CACHE", other.root());
+    });
+    for path in kept.keys().filter(|path| path.ends_with("blake3") || path.ends_with("0003")) {
+        fs::remove_file(path).expect("there");
+    }
+    again("half of it", &|_| ());
+    assert!(contents(cache.root()) == kept, "it is made whole");
+    kept.keys().for_each(|path| fs::write(path, "version 0").expect("writes"));
+    again("an older version", &|_| ());
+    assert!(contents(cache.root()) == kept, "it is written anew");
+}
+
+#[test]
+fn a_chart_of_another_version_is_not_continued() {
+    let folder = folder();
+    fs::create_dir(folder.path("chart")).expect("made");
+    folder.write("chart/chart.json", "{ \"version\": 0 }");
+    folder.fails("chart scene.toml -o chart --size 8x8 -q", &["chart.json", "no chart of this version", "delete it"]);
 }

@@ -56,7 +56,7 @@ fn upload_dispatch_read_back() {
         frame.dispatch(&add, &binds, &push, Threads::Size([0, 1, 1])).unwrap();
         let timings = frame.run().unwrap();
         assert_eq!(timings.entries.len(), 1, "an empty dispatch runs nothing");
-        assert_eq!(timings.entries[0].path, ["add"]);
+        assert_eq!(*timings.entries[0].path, ["add"]);
         assert!(timings.sum() >= 0.0 && timings.gpu_ms >= timings.sum());
         let result: Vec<f32> = gpu.read_buffer(&to).unwrap();
         let expected: Vec<f32> = (0..1000).map(|i| if i < 999 { i as f32 + 0.5 } else { 0.0 }).collect();
@@ -186,8 +186,8 @@ fn scopes_name_timings_and_query_pools_grow() {
             let timings = frame.run().unwrap();
             assert_eq!(timings.barriers, rounds);
             let (last, relit) = timings.entries.split_last().unwrap();
-            assert!(relit.len() == rounds && relit.iter().all(|entry| entry.path == ["relight", "add"]));
-            assert_eq!(last.path, ["copy a to b"]);
+            assert!(relit.len() == rounds && relit.iter().all(|entry| *entry.path == ["relight", "add"]));
+            assert_eq!(*last.path, ["copy a to b"]);
             let tree = timings.tree();
             assert_eq!(tree.iter().map(|node| node.name.as_str()).collect::<Vec<_>>(), ["relight", "copy a to b"]);
             assert!(timings.gpu_ms >= timings.sum() && timings.sum() > 0.0);
@@ -238,7 +238,7 @@ fn frames_in_flight_run_in_order_and_need_no_waiting() {
             if round % 3 == 0 {
                 drop(ticket);
             } else {
-                assert_eq!(ticket.wait().unwrap().entries[0].path, ["write a"]);
+                assert_eq!(*ticket.wait().unwrap().entries[0].path, ["write a"]);
             }
             assert_eq!(gpu.read_buffer::<f32>(&copy).unwrap()[1023], round as f32 + 0.5);
         }

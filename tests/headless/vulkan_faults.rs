@@ -2,17 +2,15 @@
 //! status, and leaves whole files or none. `IPRT_FAULTS=all` tries every call (`make faults`). Otherwise it is the first
 //! and the last of each name for `render`, and of some names for the others.
 
-use crate::{folder::Folder, view::Display};
+use crate::{folder::Folder, layers, view::Display};
 use std::{
     collections::BTreeMap,
     fs,
-    path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
-    sync::OnceLock,
+    process::{Output, Stdio},
     time::{Duration, Instant},
 };
 
-const SCENE: &str = r#"
+pub const SCENE: &str = r#"
 [panorama]
 color = "room_%d.png"
 depth = { box = [4, 3, 5] }
@@ -24,29 +22,6 @@ shape = "box"
 size = [0.6, 0.6, 0.6]
 translation = [0, -0.2, -1.5]
 "#;
-
-/// The folder of the layer, which is compiled once.
-fn layer() -> &'static Path {
-    static LAYER: OnceLock<PathBuf> = OnceLock::new();
-    LAYER.get_or_init(|| {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("fault-layer-{}", std::process::id()));
-        fs::create_dir_all(&folder).expect("made");
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/layer/fault.c");
-        let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
-        let status = Command::new(compiler)
-            .args(["-Wall", "-Werror", "-O1", "-fPIC", "-shared", "-o"])
-            .arg(folder.join("libfault.so"))
-            .arg(source)
-            .args(["-lpthread"])
-            .status();
-        assert!(status.expect("tests of faults need a C compiler").success());
-        let manifest = r#"{"file_format_version": "1.1.2", "layer": {"name": "VK_LAYER_IPRT_fault", "type": "INSTANCE",
-            "library_path": "./libfault.so", "api_version": "1.3.0", "implementation_version": "1",
-            "description": "makes calls fail"}}"#;
-        fs::write(folder.join("fault.json"), manifest).expect("writes");
-        folder
-    })
-}
 
 /// A command that is tried, what it writes, and the display that it needs.
 struct Tried<'a> {
@@ -80,10 +55,8 @@ const WINDOW_SAMPLE: [&str; 6] = [
 impl Tried<'_> {
     fn run(&self, variables: &[(&str, &str)]) -> Output {
         let mut command = self.folder.command();
-        command
+        layers::put(&mut command, "VK_LAYER_IPRT_fault")
             .args(self.arguments.split_whitespace())
-            .env("VK_ADD_LAYER_PATH", layer())
-            .env("VK_INSTANCE_LAYERS", "VK_LAYER_IPRT_fault")
             .env("IPRT_CACHE", self.folder.path("cache"))
             .envs(variables.iter().copied())
             .stdin(Stdio::null())
@@ -172,7 +145,8 @@ fn every_call() -> bool {
     std::env::var("IPRT_FAULTS").is_ok_and(|all| all == "all")
 }
 
-fn folder() -> Folder {
+/// Two video frames, and a box that stands.
+pub fn folder() -> Folder {
     let folder = Folder::empty();
     for frame in 0..2 {
         folder.paint(&format!("room_{frame}.png"), |x, y| [(4 * x) as u8, (8 * y) as u8, 90 + frame]);

@@ -3,96 +3,19 @@
  * It counts the calls that can fail, in the order in which they are made.
  *   FAULT_COUNT=FILE   adds their names to FILE, a line each
  *   FAULT_AT=N         makes call N (from 0) fail, by not making it
+ *   FAULT_LEAK=N       loses N bytes with each submission
  *   FAULT_RESULT=R     what it answers then (a VkResult; VK_TIMEOUT or VK_ERROR_DEVICE_LOST for a wait)
  * A failed wait is a wait that was not made: the queue is still at work, as after a real timeout.
  */
-#include <pthread.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-#include <stdint.h>
+#include "layer.h"
 
-#define EXPORT __attribute__((visibility("default")))
-
-/* As much of Vulkan's headers as is needed here. What structures hold is passed on unread. */
-typedef int32_t VkResult;
-typedef uint32_t VkBool32, VkMemoryMapFlags, VkCommandPoolResetFlags, VkDescriptorPoolResetFlags, VkQueryResultFlags;
-typedef uint64_t VkDeviceSize;
-typedef struct VkInstance_T *VkInstance;
-typedef struct VkPhysicalDevice_T *VkPhysicalDevice;
-typedef struct VkDevice_T *VkDevice;
-typedef struct VkQueue_T *VkQueue;
-typedef struct VkCommandBuffer_T *VkCommandBuffer;
-typedef uint64_t VkDeviceMemory, VkBuffer, VkImage, VkImageView, VkSampler, VkFence, VkSemaphore, VkQueryPool, VkCommandPool,
-    VkDescriptorSetLayout, VkPipelineLayout, VkShaderModule, VkPipelineCache, VkPipeline, VkDescriptorPool, VkDescriptorSet,
-    VkSwapchainKHR;
-typedef void VkAllocationCallbacks, VkMemoryAllocateInfo, VkBufferCreateInfo, VkImageCreateInfo, VkImageViewCreateInfo,
+/* What these structures hold is passed on unread. */
+typedef void VkMemoryAllocateInfo, VkBufferCreateInfo, VkImageCreateInfo, VkImageViewCreateInfo,
     VkSamplerCreateInfo, VkFenceCreateInfo, VkSemaphoreCreateInfo, VkQueryPoolCreateInfo, VkCommandPoolCreateInfo,
     VkCommandBufferAllocateInfo, VkCommandBufferBeginInfo, VkDescriptorSetLayoutCreateInfo, VkPipelineLayoutCreateInfo,
     VkShaderModuleCreateInfo, VkPipelineCacheCreateInfo, VkComputePipelineCreateInfo, VkDescriptorPoolCreateInfo,
     VkDescriptorSetAllocateInfo, VkSubmitInfo2, VkSwapchainCreateInfoKHR, VkPresentInfoKHR;
-typedef void (*PFN_vkVoidFunction)(void);
-typedef PFN_vkVoidFunction (*PFN_vkGetInstanceProcAddr)(VkInstance, const char *);
-typedef PFN_vkVoidFunction (*PFN_vkGetDeviceProcAddr)(VkDevice, const char *);
-enum {
-    VK_SUCCESS = 0,
-    VK_TIMEOUT = 2,
-    VK_ERROR_OUT_OF_HOST_MEMORY = -1,
-    VK_ERROR_OUT_OF_DEVICE_MEMORY = -2,
-    VK_ERROR_INITIALIZATION_FAILED = -3,
-    VK_ERROR_DEVICE_LOST = -4,
-    VK_ERROR_MEMORY_MAP_FAILED = -5,
-    VK_ERROR_OUT_OF_POOL_MEMORY = -1000069000,
-};
 
-/* The beginning of each structure in a chain, and what the loader puts into the chains of the two creations. */
-typedef struct Chain {
-    int32_t type;
-    struct Chain *next;
-} Chain;
-typedef struct {
-    int32_t type;
-    const Chain *next;
-} VkInstanceCreateInfo, VkDeviceCreateInfo;
-typedef struct Link {
-    struct Link *next;
-    PFN_vkGetInstanceProcAddr instance_proc;
-    void (*other_proc)(void); /* of physical devices, or of devices */
-} Link;
-typedef struct {
-    Chain chain;
-    int32_t function; /* 0 is the link to the next layer */
-    Link *link;
-} LoaderInfo;
-enum { OF_INSTANCE = 47, OF_DEVICE = 48 };
-
-typedef struct {
-    int32_t type;
-    void *next;
-    uint32_t version;
-    PFN_vkGetInstanceProcAddr instance_proc;
-    PFN_vkGetDeviceProcAddr device_proc;
-    PFN_vkGetInstanceProcAddr physical_device_proc;
-} Negotiation;
-
-/* The next layer, which is taken out of the chain. */
-static Link *next_layer(const Chain *chain, int32_t type) {
-    for (; chain; chain = chain->next) {
-        LoaderInfo *info = (LoaderInfo *)chain;
-        if (chain->type == type && info->function == 0) {
-            Link *link = info->link;
-            info->link = link->next;
-            return link;
-        }
-    }
-    return NULL;
-}
-
-static PFN_vkGetInstanceProcAddr next_instance_proc;
-static PFN_vkGetDeviceProcAddr next_device_proc;
-static VkInstance the_instance;
-static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static long count;
 
 static void note(const char *name) {
@@ -111,6 +34,8 @@ static int fails(const char *name) {
     const char *at = getenv("FAULT_AT");
     long here = count++;
     note(name);
+    const char *leak = getenv("FAULT_LEAK");
+    if (leak && !strcmp(name, "vkQueueSubmit2")) memset(malloc(atol(leak)), 1, atol(leak));
     pthread_mutex_unlock(&lock);
     return at && atol(at) == here;
 }
@@ -200,12 +125,9 @@ CALLS(DEFINE)
 
 static VkResult create_device(VkPhysicalDevice physical, const VkDeviceCreateInfo *info,
                               const VkAllocationCallbacks *allocator, VkDevice *device) {
-    typedef VkResult (*Create)(VkPhysicalDevice, const VkDeviceCreateInfo *, const VkAllocationCallbacks *, VkDevice *);
     Link *link = next_layer(info->next, OF_DEVICE);
-    if (!link) return VK_ERROR_INITIALIZATION_FAILED;
-    next_device_proc = (PFN_vkGetDeviceProcAddr)link->other_proc;
-    if (fails("vkCreateDevice")) return answer(VK_ERROR_INITIALIZATION_FAILED);
-    VkResult result = ((Create)link->instance_proc(the_instance, "vkCreateDevice"))(physical, info, allocator, device);
+    if (!link || fails("vkCreateDevice")) return answer(VK_ERROR_INITIALIZATION_FAILED);
+    VkResult result = next_create_device(link, physical, info, allocator, device);
     if (result != VK_SUCCESS) return result;
 #define FIND(NAME, USUAL, PARAMETERS, ARGUMENTS)                                                                       \
     next_##NAME = (VkResult(*) PARAMETERS)next_device_proc(*device, "vk" #NAME);
@@ -213,38 +135,18 @@ static VkResult create_device(VkPhysicalDevice physical, const VkDeviceCreateInf
     return VK_SUCCESS;
 }
 
-static VkResult create_instance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
-                                VkInstance *instance) {
-    typedef VkResult (*Create)(const VkInstanceCreateInfo *, const VkAllocationCallbacks *, VkInstance *);
-    Link *link = next_layer(info->next, OF_INSTANCE);
-    if (!link) return VK_ERROR_INITIALIZATION_FAILED;
-    next_instance_proc = link->instance_proc;
-    VkResult result = ((Create)next_instance_proc(NULL, "vkCreateInstance"))(info, allocator, instance);
-    if (result == VK_SUCCESS) the_instance = *instance;
-    return result;
-}
-
-EXPORT PFN_vkVoidFunction fault_vkGetDeviceProcAddr(VkDevice device, const char *name) {
+static PFN_vkVoidFunction layer_vkGetDeviceProcAddr(VkDevice device, const char *name) {
 #define OFFER(NAME, USUAL, PARAMETERS, ARGUMENTS)                                                                      \
     if (!strcmp(name, "vk" #NAME)) return next_##NAME ? (PFN_vkVoidFunction)fault_##NAME : NULL;
-    if (!strcmp(name, "vkGetDeviceProcAddr")) return (PFN_vkVoidFunction)fault_vkGetDeviceProcAddr;
+    if (!strcmp(name, "vkGetDeviceProcAddr")) return (PFN_vkVoidFunction)layer_vkGetDeviceProcAddr;
     CALLS(OFFER)
     return next_device_proc ? next_device_proc(device, name) : NULL;
 }
 
-EXPORT PFN_vkVoidFunction fault_vkGetInstanceProcAddr(VkInstance instance, const char *name) {
-    if (!strcmp(name, "vkGetInstanceProcAddr")) return (PFN_vkVoidFunction)fault_vkGetInstanceProcAddr;
+static PFN_vkVoidFunction layer_vkGetInstanceProcAddr(VkInstance instance, const char *name) {
+    if (!strcmp(name, "vkGetInstanceProcAddr")) return (PFN_vkVoidFunction)layer_vkGetInstanceProcAddr;
     if (!strcmp(name, "vkCreateInstance")) return (PFN_vkVoidFunction)create_instance;
     if (!strcmp(name, "vkCreateDevice")) return (PFN_vkVoidFunction)create_device;
-    if (!strcmp(name, "vkGetDeviceProcAddr")) return (PFN_vkVoidFunction)fault_vkGetDeviceProcAddr;
+    if (!strcmp(name, "vkGetDeviceProcAddr")) return (PFN_vkVoidFunction)layer_vkGetDeviceProcAddr;
     return next_instance_proc ? next_instance_proc(instance, name) : NULL;
-}
-
-EXPORT VkResult vkNegotiateLoaderLayerInterfaceVersion(Negotiation *loader) {
-    if (loader->version < 2) return VK_ERROR_INITIALIZATION_FAILED;
-    loader->version = 2;
-    loader->instance_proc = fault_vkGetInstanceProcAddr;
-    loader->device_proc = fault_vkGetDeviceProcAddr;
-    loader->physical_device_proc = NULL;
-    return VK_SUCCESS;
 }

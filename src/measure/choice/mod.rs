@@ -59,7 +59,7 @@ pub struct Candidate {
 }
 
 /// Candidates that were measured on one view, at one size and against one truth.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sheet {
     /// Width and height, pixels.
     pub size: [u32; 2],
