@@ -222,7 +222,7 @@ impl Panorama {
 
     /// Records the upload of a video frame. The passes of a new video frame must run after it.
     pub fn upload(&self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
-        frame.write_image(&self.radiance, 0, 0, &content.radiance)?;
+        frame.write_image(&self.radiance, 0, 0, &content.radiance.to_vec())?;
         let mut depth = &content.depth;
         let found;
         if let Some(buffer) = &self.lamps {
