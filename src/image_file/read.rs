@@ -163,7 +163,10 @@ pub(super) fn raster_format(bytes: &[u8]) -> Option<ImageFormat> {
 /// Says what a file is that is no picture, or none that is read.
 fn refusal(bytes: &[u8], subject: &str) -> Error {
     if let Some(kind) = photograph(bytes) {
-        let remedy = "convert it, as with: heif-convert photo.heic photo.png (of libheif)";
+        let remedy = match kind {
+            "AVIF" => "convert it, as with: avifdec picture.avif picture.png (of libavif)",
+            _ => "convert it, as with: heif-convert photo.heic photo.png (of libheif)",
+        };
         return Error::input(subject, format!("is a picture of the kind {kind}, which is not read"), remedy);
     }
     if is_video(bytes) {

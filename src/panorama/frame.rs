@@ -265,8 +265,8 @@ fn ask_device(color: &Picture, depth: Option<&Picture>, spec: &PanoramaSpec) -> 
         }
         _ => Ok(()),
     };
-    ask(color, &texels::bytes)?;
-    // As floats, with the rows of the poles.
+    // On the device both are 32-bit floats.
+    ask(color, &|count| 16 * count)?;
     depth.map_or(Ok(()), |depth| ask(depth, &|count| 4 * count))
 }
 

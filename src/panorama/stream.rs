@@ -2,7 +2,8 @@
 //! on a thread of its own while frames are asked for in order.
 
 use super::{
-    clipped, cube,
+    clipped::{self, Clipped},
+    cube,
     frame::{Picture, make_frame},
     source::{LampRule, PanoramaFrame},
     tracks::{Pick, Plan, Track},
@@ -107,6 +108,7 @@ impl Reader {
         if let Some(white) = frame.white {
             if index > 0 && plan.spec.lamps == LampRule::Estimate && plan.clipped.get().is_none() {
                 Self::new(Arc::clone(&plan)).frame(0)?; // the first frame tells
+                plan.clipped.get_or_init(Clipped::default); // it may not be one that clips
             }
             plan.spec.lamps.clipped(&plan.clipped, || clipped::estimate(&frame, white)).raise(&mut frame, white);
         }

@@ -31,7 +31,7 @@ pub fn is_half([width, height]: [u32; 2]) -> bool {
     are_half(width as usize * height as usize)
 }
 
-/// Bytes of so many texels.
+/// Bytes of so many texels in memory.
 pub fn bytes(count: u64) -> u64 {
     count * if are_half(count as usize) { 8 } else { 16 }
 }
@@ -103,6 +103,22 @@ impl Texels {
         match &self.0 {
             Kept::Full(texels) => bytemuck::cast_slice(texels),
             Kept::Half(texels) => bytemuck::cast_slice(texels),
+        }
+    }
+
+    /// Hands out texels as 32-bit floats, at most so many at a time, each time with the number of the first. Those that are
+    /// kept as such come at once.
+    pub fn pieces<E>(&self, most: usize, mut piece: impl FnMut(usize, &[[f32; 4]]) -> Result<(), E>) -> Result<(), E> {
+        match &self.0 {
+            Kept::Full(texels) => piece(0, texels),
+            Kept::Half(texels) => {
+                let mut wide = Vec::with_capacity(most);
+                texels.chunks(most).enumerate().try_for_each(|(number, bits)| {
+                    wide.clear();
+                    wide.extend(bits.iter().map(|texel| widen(*texel)));
+                    piece(number * most, &wide)
+                })
+            }
         }
     }
 

@@ -106,6 +106,55 @@ fn flat_png(path: &Path, width: u32, height: u32) {
     writer.write_image_data(&vec![0; width.div_ceil(8) as usize * height as usize]).expect("pixels");
 }
 
+/// Writes the same picture as each kind of file. Its scene is called as the file.
+fn large_pictures(folder: &Folder, [width, height]: [u32; 2]) -> [&'static str; 4] {
+    let texel = |x: u32, y: u32| [(x / 64 % 200) as u8, (y / 64 % 200) as u8, 90];
+    let picture = image::RgbImage::from_fn(width, height, |x, y| image::Rgb(texel(x, y)));
+    picture.save(folder.path("a.png")).expect("writes");
+    picture.save(folder.path("a.jpg")).expect("writes");
+    let mut hdr = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
+    hdr.extend(picture.pixels().flat_map(|p| [p.0[0].max(3), p.0[1], p.0[2], 128]));
+    std::fs::write(folder.path("a.hdr"), hdr).expect("writes");
+    let channel = |c: usize| picture.pixels().map(|p| f32::from(p.0[c]) / 255.0).collect();
+    let channels = ["R", "G", "B"].iter().enumerate().map(|(c, name)| ((*name).to_owned(), channel(c))).collect();
+    let layer = iprt::image_file::ExrLayer { name: String::new(), size: [width, height], channels };
+    iprt::image_file::write::write_exr(&folder.path("a.exr"), &[layer]).expect("writes");
+    ["a.png", "a.jpg", "a.hdr", "a.exr"]
+}
+
+/// What `docs/limits.md` states of the memory that a panorama takes.
+#[test]
+fn a_large_panorama_is_in_memory_once() {
+    let (folder, size) = (Folder::empty(), [8192, 2048]);
+    let texels = u64::from(size[0] * size[1]);
+    for name in large_pictures(&folder, size) {
+        folder.write("large.toml", &format!("[panorama]\ncolor = \"{name}\"\ndepth = 3\n"));
+        let whole = run(&folder, &["check", "large.toml"]);
+        let what = format!("{name}, {} MiB: {}", whole.peak >> 20, whole.stderr);
+        assert_eq!(whole.status, Some(0), "{what}");
+        let depth = 4 * 4096 * 1024;
+        assert!(whole.peak > 8 * texels && whole.peak < 8 * texels + depth + (80 << 20), "{what}");
+        let reduced = run(&folder, &["check", "large.toml", "--panorama-size", "1024"]);
+        let what = format!("{name} reduced, {} MiB: {}", reduced.peak >> 20, reduced.stderr);
+        let stored = if name == "a.jpg" { 3 * texels } else { 0 };
+        assert!(reduced.status == Some(0) && reduced.peak < stored + (80 << 20), "{what}");
+    }
+}
+
+#[test]
+fn what_the_device_cannot_hold_is_refused_before_it_is_decoded() {
+    let folder = Folder::empty();
+    flat_png(&folder.path("wide.png"), 20000, 10000);
+    // No pixel is left.
+    let bytes = std::fs::read(folder.path("wide.png")).expect("reads");
+    std::fs::write(folder.path("wide.png"), &bytes[..60]).expect("writes");
+    folder.write("wide.toml", "[panorama]\ncolor = \"wide.png\"\ndepth = 3\n");
+    let ran = run(&folder, &["render", "wide.toml", "-o", "a.png", "--size", "8x8"]);
+    assert_eq!((ran.status, ran.stderr.lines().count()), (Some(2), 1), "{}", ran.stderr);
+    let words = ["wide.png: has 20000x10000 texels", "at most", "--panorama-size 10000"];
+    assert!(words.iter().all(|word| ran.stderr.contains(word)), "{}", ran.stderr);
+}
+
 #[test]
 fn memory_is_asked_for_before_it_is_taken() {
     let folder = Folder::empty();

@@ -183,6 +183,26 @@ fn depth_that_is_all_holes_is_allowed_with_a_warning() {
     assert!(frame.warnings.iter().any(|w| w.contains("infinitely far") && w.contains("d.exr")), "{:?}", frame.warnings);
 }
 
+/// Made by avifenc of a red and a blue half. What is right was measured of the picture that it was made of.
+#[test]
+fn avif_is_a_panorama_whatever_its_range_and_depth() {
+    let (folder, path) = scene("color = 'c.avif'\ndepth = 1");
+    let color = folder.path().join("c.avif");
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");
+    for name in ["full8.avif", "limited10.avif"] {
+        std::fs::copy(corpus.join(name), &color).expect("copied");
+        let frame = load(&path).expect("loads");
+        assert_eq!((frame.color_size, frame.white), ([64, 32], Some(1.0)), "{name}");
+        for (column, right) in [(8, [0.527, 0.0144, 0.0513]), (56, [0.0513, 0.2159, 0.527])] {
+            let found = frame.radiance.at(16 * 64 + column);
+            assert!(right.iter().zip(found).all(|(right, found)| (right - found).abs() < 0.02), "{name}: {found:?}");
+        }
+    }
+    std::fs::copy(corpus.join("turned.avif"), &color).expect("copied");
+    let line = load(&path).expect_err("turned");
+    assert!(line.contains("c.avif: asks to be turned") && line.contains("avifdec") && !line.contains('\n'), "{line}");
+}
+
 #[test]
 fn unusable_files_give_one_line_that_names_them() {
     let (folder, path) = scene("color = 'c.png'\ndepth = 1");
