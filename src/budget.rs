@@ -42,9 +42,7 @@ pub const REMEDY: &str = "give a smaller one, or allow more by --memory";
 /// Says what is wrong with taking so much, if it is too much.
 pub fn refusal(bytes: u64) -> Option<String> {
     let limit = limit();
-    (bytes > limit).then(|| {
-        format!("would take {} of memory, and {} may be taken", words(bytes), words(limit))
-    })
+    (bytes > limit).then(|| format!("would take {} of memory, and {} may be taken", words(bytes), words(limit)))
 }
 
 fn words(bytes: u64) -> String {

@@ -352,7 +352,8 @@ impl Parts {
         };
         // SAFETY: the physical device belongs to `instance`.
         let heaps = unsafe { instance.get_physical_device_memory_properties(handle) };
-        let local = heaps.memory_heaps_as_slice().iter().filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        let local =
+            heaps.memory_heaps_as_slice().iter().filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
         budget::set_device(budget::Device {
             name: self.chosen.adapter.name.clone(),
             side: limits.max_image_dimension2_d,

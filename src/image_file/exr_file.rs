@@ -110,7 +110,8 @@ impl Contents {
                 [given.red, given.green, given.blue, given.white].map(|at| [f64::from(at.x()), f64::from(at.y())]);
             Primaries { red, green, blue, white }.to_rec709()
         });
-        let (mut notes, mut layers, mut parts) = (Vec::new(), Vec::<(ExrLayer, (usize, Vec<usize>))>::new(), Vec::new());
+        let (mut notes, mut layers, mut parts) =
+            (Vec::new(), Vec::<(ExrLayer, (usize, Vec<usize>))>::new(), Vec::new());
         for (number, header) in meta.headers.iter().enumerate() {
             let part = [header.layer_size.x() as u32, header.layer_size.y() as u32];
             let corner = header.own_attributes.layer_position;
@@ -170,7 +171,8 @@ impl Contents {
             let placement = &self.parts[block.index.layer];
             for line in block.lines(channels) {
                 let Some(values) = targets.get_mut(&[block.index.layer, line.location.channel]) else { continue };
-                let Some((start, skip, count)) = placement.line([line.location.position.x(), line.location.position.y()], line.location.sample_count)
+                let Some((start, skip, count)) = placement
+                    .line([line.location.position.x(), line.location.position.y()], line.location.sample_count)
                 else {
                     continue;
                 };
@@ -258,7 +260,8 @@ pub(super) fn rows(mut file: BufReader<File>, wanted: Option<&str>, subject: Str
             };
             for line in block.lines(list) {
                 for (_, slot) in slots.iter().filter(|(channel, _)| *channel == line.location.channel) {
-                    let place = band_placement.line([line.location.position.x(), line.location.position.y()], line.location.sample_count);
+                    let place = band_placement
+                        .line([line.location.position.x(), line.location.position.y()], line.location.sample_count);
                     let Some((start, skip, count)) = place else { continue };
                     let out = &mut band[start..start + count];
                     each(&line, list, |index, value| {

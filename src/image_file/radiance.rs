@@ -76,8 +76,7 @@ impl Picture {
             let decoder = HdrDecoder::new(Cursor::new(plain).chain(&mut lines)).map_err(failed)?;
             let stored = &mut stored[..count as usize * columns as usize];
             decoder.read_image(bytemuck::cast_slice_mut(stored)).map_err(failed)?;
-            let pixels: Vec<Vec3> =
-                stored.iter().map(|pixel| Vec3::from_array(*pixel) / self.header.factor).collect();
+            let pixels: Vec<Vec3> = stored.iter().map(|pixel| Vec3::from_array(*pixel) / self.header.factor).collect();
             each(first, &pixels);
         }
         Ok(())

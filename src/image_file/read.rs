@@ -264,8 +264,7 @@ pub(super) fn head<'a>(
         }
         known => known,
     });
-    let crop =
-        xmp.and_then(|xmp| placement::gpano(&String::from_utf8_lossy(&xmp), turned(stored, orientation)));
+    let crop = xmp.and_then(|xmp| placement::gpano(&String::from_utf8_lossy(&xmp), turned(stored, orientation)));
     Ok((Box::new(decoder), Head { format, stored, orientation, color, crop, notes }))
 }
 

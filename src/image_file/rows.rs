@@ -139,7 +139,13 @@ impl Rows {
     }
 }
 
-fn png_rows(path: &Path, [width, height]: [u32; 2], colors: &Colors, subject: &str, out: &mut Strips<'_>) -> Result<()> {
+fn png_rows(
+    path: &Path,
+    [width, height]: [u32; 2],
+    colors: &Colors,
+    subject: &str,
+    out: &mut Strips<'_>,
+) -> Result<()> {
     let damaged = |error: png::DecodingError| {
         Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
     };

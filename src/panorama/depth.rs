@@ -157,8 +157,14 @@ mod tests {
     #[test]
     fn codes_become_metres_and_bad_ones_holes() {
         let codes = [0.0, 1.0, 4.0, -3.0, f32::NAN, f32::INFINITY];
-        assert_eq!(rule(DepthEncoding::Radial, 0.5, 1.0).metres(codes.to_vec(), [6, 1]), [0.0, 1.0, 2.5, 0.0, 0.0, 0.0]);
-        assert_eq!(rule(DepthEncoding::Disparity, 6.0, -1.0).metres(codes.to_vec(), [6, 1]), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
+        assert_eq!(
+            rule(DepthEncoding::Radial, 0.5, 1.0).metres(codes.to_vec(), [6, 1]),
+            [0.0, 1.0, 2.5, 0.0, 0.0, 0.0]
+        );
+        assert_eq!(
+            rule(DepthEncoding::Disparity, 6.0, -1.0).metres(codes.to_vec(), [6, 1]),
+            [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]
+        );
     }
 
     #[test]
