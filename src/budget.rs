@@ -3,7 +3,7 @@
 
 use crate::{Error, Result};
 use std::sync::{
-    OnceLock,
+    Mutex, OnceLock, PoisonError,
     atomic::{AtomicU64, Ordering},
 };
 
@@ -42,13 +42,54 @@ pub const REMEDY: &str = "give a smaller one, or allow more by --memory";
 /// Says what is wrong with taking so much, if it is too much.
 pub fn refusal(bytes: u64) -> Option<String> {
     let limit = limit();
-    (bytes > limit).then(|| {
-        let words = |bytes: u64| match bytes {
-            0..0x4000_0000 => format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20)),
-            _ => format!("{:.1} GiB", bytes as f64 / f64::from(1 << 30)),
-        };
-        format!("would take {} of memory, and {} may be taken", words(bytes), words(limit))
-    })
+    (bytes > limit).then(|| format!("would take {} of memory, and {} may be taken", words(bytes), words(limit)))
+}
+
+fn words(bytes: u64) -> String {
+    match bytes {
+        0..0x4000_0000 => format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20)),
+        _ => format!("{:.1} GiB", bytes as f64 / f64::from(1 << 30)),
+    }
+}
+
+/// What a device can hold.
+#[derive(Clone, Debug)]
+pub struct Device {
+    pub name: String,
+    /// The most texels that an image has along a side.
+    pub side: u32,
+    /// The most bytes of an image, and of all.
+    pub image: u64,
+    pub all: u64,
+}
+
+/// The device that was opened last.
+static DEVICE: Mutex<Option<Device>> = Mutex::new(None);
+
+/// Sets the device that panoramas are meant for.
+pub fn set_device(device: Device) {
+    *DEVICE.lock().unwrap_or_else(PoisonError::into_inner) = Some(device);
+}
+
+/// Refuses a panorama of this size that takes so many bytes, if the device cannot hold it.
+///
+/// # Errors
+/// Fails with both numbers, and the `--panorama-size` that can be held.
+pub fn ask_device(subject: &str, [width, height]: [u32; 2], bytes: u64) -> Result<()> {
+    let device = DEVICE.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(Device { name, side, image, all }) = device.as_ref() else { return Ok(()) };
+    let most = (*image).min(*all);
+    let fits = |by: u32| width.max(height).div_ceil(by) <= *side && bytes / u64::from(by).pow(2) <= most;
+    if fits(1) {
+        return Ok(());
+    }
+    let problem = if width.max(height) > *side {
+        format!("has {width}x{height} texels, and {name} holds images of at most {side} a side")
+    } else {
+        format!("has {width}x{height} texels, which take {}, and {name} holds {}", words(bytes), words(most))
+    };
+    let smaller = (1..=16).map(|power| 1 << power).find(|by| fits(*by)).map_or(8, |by| (width / by).max(8));
+    Err(Error::input(subject, problem, format!("give --panorama-size {smaller}, which reduces it as it is read")))
 }
 
 /// The memory of the machine, or of the part of it that this process may use.

@@ -11,7 +11,7 @@
 //! The list goes from the ground up. A module uses only those above it.
 //!
 //! * [`error`]: an [`Error`] says what failed, on which file or object, and the remedy.
-//! * [`budget`]: how much memory a file may take, asked before anything is allocated.
+//! * [`budget`]: how much memory a file may take, and what the device holds, asked before anything is allocated.
 //! * [`temporary`]: files that are written beside their target, and are gone whatever ends the process.
 //! * [`shaders`]: the SPIR-V of `shaders/glsl/*.comp`. A debug build loads changed shaders from disk.
 //! * [`gpu`] knows Vulkan and nothing else. A [`gpu::Gpu`] makes buffers, images and passes. A [`gpu::Frame`]

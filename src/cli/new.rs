@@ -176,7 +176,7 @@ fn scene_text(args: &Args, panorama: &Picture, depth: &Depth, models: &[&PathBuf
     };
     let (depth_size, metres) = match depth {
         Depth::File(_, guess, codes) | Depth::Packed(_, guess, codes) => {
-            (codes.size, guess.rule.metres(&codes.codes, codes.size))
+            (codes.size, guess.rule.metres(codes.codes.clone(), codes.size))
         }
         Depth::Box => {
             let (depth_size, center) = ([256, 128], Vec3::new(0.0, 1.35 - args.height as f32, 0.0));

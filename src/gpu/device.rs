@@ -24,7 +24,7 @@ use super::{
     transfer::Staging,
     validation::{self, Log},
 };
-use crate::{Error, Result};
+use crate::{Error, Result, budget};
 
 /// Which device to open, and how closely to check what is done with it.
 #[derive(Clone, Debug, Default)]
@@ -337,8 +337,9 @@ fn samplers(device: &ash::Device) -> Result<[vk::Sampler; 2]> {
 impl Parts {
     fn share(self, entry: ash::Entry, instance: ash::Instance, log: Arc<Log>) -> Shared {
         let handle = self.chosen.handle;
+        let mut v11 = vk::PhysicalDeviceVulkan11Properties::default();
         let mut v13 = vk::PhysicalDeviceVulkan13Properties::default();
-        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut v13);
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut v11).push_next(&mut v13);
         // SAFETY: the physical device belongs to `instance`, and the device was created with this queue.
         let (limits, features, queue) = unsafe {
             instance.get_physical_device_properties2(handle, &mut properties);
@@ -348,6 +349,16 @@ impl Parts {
             });
             (limits, features, self.device.get_device_queue(self.chosen.queue_family, 0))
         };
+        // SAFETY: the physical device belongs to `instance`.
+        let heaps = unsafe { instance.get_physical_device_memory_properties(handle) };
+        let local =
+            heaps.memory_heaps_as_slice().iter().filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        budget::set_device(budget::Device {
+            name: self.chosen.adapter.name.clone(),
+            side: limits.max_image_dimension2_d,
+            image: v11.max_memory_allocation_size,
+            all: local.map(|heap| heap.size).max().unwrap_or(u64::MAX),
+        });
         // SAFETY: the device belongs to this physical device, and was created with the extensions if it has them.
         let builder = || unsafe { Builder::new(&instance, handle, &self.device) };
         let builder = self.chosen.lacks_for_ray_queries.is_empty().then(builder);

@@ -4,14 +4,22 @@ use super::{
     color_space::{ColorSpace, Primaries},
     layers,
     placement::Placement,
-    read::{CodeImage, ColorImage, MAX_PIXELS, check_size, one_line},
+    read::{CodeImage, ColorImage, MAX_PIXELS, check_size, one_line, plain_io},
+    rows::{Rows, Strips},
 };
 use crate::{Error, Result, budget};
-use exr::prelude::{
-    FlatSamples, Image as ExrImage, MetaData, ReadChannels as _, ReadLayers as _, WritableImage as _, f16, read,
+use exr::{
+    block::{UncompressedBlock, lines::LineRef, reader::ChunksReader as _},
+    meta::attribute::ChannelList,
+    prelude::{FlatSamples, Image as ExrImage, MetaData, SampleType, Vec2, WritableImage as _, f16},
 };
 use glam::{Mat3, Vec3};
-use std::io::{Cursor, Seek, Write};
+use std::{
+    collections::HashMap,
+    fs::File,
+    io::{BufReader, Cursor, Read, Seek, Write},
+    path::Path,
+};
 
 /// A layer of an OpenEXR file. Every channel has `size[0] · size[1]` values, with row 0 on top.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,82 +59,247 @@ pub struct Exr {
 /// No compression of the format makes more bytes of one than deflate does.
 const MOST_COMPRESSION: u64 = 1100;
 
-/// Decodes all layers. Channels called `layer.channel` become layers of their own, as do the parts of a
-/// multi-part file.
-pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Exr> {
-    let damaged = |error: exr::error::Error| {
-        Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
-    };
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
-    let (mut values, mut stored) = (0_u64, 0_u64);
-    for header in &meta.headers {
-        let [width, height] =
-            [header.layer_size.x(), header.layer_size.y()].map(|side| u32::try_from(side).unwrap_or(u32::MAX));
-        check_size([width, height], subject)?;
-        values += u64::from(width) * u64::from(height) * header.channels.list.len() as u64;
-        stored += u64::from(width) * u64::from(height) * header.channels.bytes_per_pixel as u64;
-    }
-    // Every scan-line block, of 256 lines at most, has an entry in the file.
-    let blocks: usize = meta.headers.iter().map(|header| header.chunk_count).sum();
-    let beyond = stored > bytes.len() as u64 * MOST_COMPRESSION + (1 << 20);
-    if values > MAX_PIXELS * 8 || blocks > bytes.len() / 8 || beyond {
-        return Err(Error::input(subject, "says it holds more than the file can", "write it again"));
-    }
-    // Values as they are stored and as floats, and the colours that are made of them.
-    let area = |size: exr::math::Vec2<usize>| (size.x() as u64).saturating_mul(size.y() as u64);
-    let window = meta.headers.iter().map(|header| area(header.shared_attributes.display_window.size)).max();
-    budget::ask(subject, stored + 4 * values + 16 * window.unwrap_or(0).min(MAX_PIXELS))?;
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(damaged)?;
-    let window = image.attributes.display_window;
-    let whole = [window.size.x() as u32, window.size.y() as u32];
-    let to_rec709 = image.attributes.chromaticities.and_then(|given| {
-        let [red, green, blue, white] =
-            [given.red, given.green, given.blue, given.white].map(|at| [f64::from(at.x()), f64::from(at.y())]);
-        Primaries { red, green, blue, white }.to_rec709()
-    });
-    let mut exr = Exr { to_rec709, ..Exr::default() };
-    let layers = &mut exr.layers;
-    for layer in image.layer_data {
-        let part_size = [layer.size.x() as u32, layer.size.y() as u32];
-        let corner = layer.attributes.layer_position;
-        let at = [corner.x() - window.position.x(), corner.y() - window.position.y()].map(i64::from);
-        let placement = Some(Placement { whole, at, part: part_size }).filter(|p| !p.is_whole() && p.is_usable());
-        let size = placement.map_or(part_size, |placement| placement.whole);
-        if let Some(note) = placement.map(|placement| placement.note()).filter(|note| !exr.notes.contains(note)) {
-            exr.notes.push(note);
+/// Says whether these are the first bytes of an OpenEXR file.
+pub(super) fn is_exr(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
+}
+
+fn damaged(error: &exr::error::Error, subject: &str) -> Error {
+    Error::input(subject, format!("cannot be decoded: {}", one_line(error)), "write it again")
+}
+
+/// What a file holds, before its pixels are decoded. A part of it may hold several layers.
+struct Contents {
+    /// Layers without values.
+    exr: Exr,
+    /// Of each layer its part, and the numbers of its channels there.
+    stored: Vec<(usize, Vec<usize>)>,
+    /// Where each part is in its layers.
+    parts: Vec<Placement>,
+}
+
+impl Contents {
+    /// Reads the header. Channels called `layer.channel` become layers of their own, as do the parts of a multi-part
+    /// file.
+    fn read(file: &mut (impl Read + Seek), subject: &str) -> Result<Self> {
+        let length = file.seek(std::io::SeekFrom::End(0)).and_then(|length| file.rewind().map(|()| length));
+        let length = length.map_err(|error| Error::input(subject, plain_io(&error), "check the file"))?;
+        let meta = MetaData::read_from_buffered(&mut *file, false).map_err(|error| damaged(&error, subject))?;
+        file.rewind().map_err(|error| Error::input(subject, plain_io(&error), "check the file"))?;
+        let (mut values, mut stored) = (0_u64, 0_u64);
+        for header in &meta.headers {
+            let [width, height] =
+                [header.layer_size.x(), header.layer_size.y()].map(|side| u32::try_from(side).unwrap_or(u32::MAX));
+            check_size([width, height], subject)?;
+            values += u64::from(width) * u64::from(height) * header.channels.list.len() as u64;
+            stored += u64::from(width) * u64::from(height) * header.channels.bytes_per_pixel as u64;
         }
-        let part = layer.attributes.layer_name.map(|name| name.to_string()).unwrap_or_default();
-        let first = layers.len();
-        for channel in layer.channel_data.list {
-            let full = channel.name.to_string();
-            let (prefix, name) = full.rsplit_once('.').unwrap_or(("", &full));
-            let owner = [part.as_str(), prefix].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(".");
-            let values: Vec<f32> = match channel.sample_data {
-                FlatSamples::F16(values) => values.into_iter().map(f16::to_f32).collect(),
-                FlatSamples::F32(values) => values,
-                FlatSamples::U32(values) => values.into_iter().map(|value| value as f32).collect(),
-            };
-            let values = match placement {
-                Some(placement) => placement.spread(&values, 1, f32::NAN),
-                None => values,
-            };
-            let entry = (name.to_owned(), values);
-            match layers[first..].iter_mut().find(|layer| layer.name == owner) {
-                Some(layer) => layer.channels.push(entry),
-                None => layers.push(ExrLayer { name: owner, size, channels: vec![entry] }),
+        // Every scan-line block, of 256 lines at most, has an entry in the file.
+        let blocks: usize = meta.headers.iter().map(|header| header.chunk_count).sum();
+        let beyond = stored > length * MOST_COMPRESSION + (1 << 20);
+        if values > MAX_PIXELS * 8 || blocks as u64 > length / 8 || beyond {
+            return Err(Error::input(subject, "says it holds more than the file can", "write it again"));
+        }
+        let Some(shared) = meta.headers.first().map(|header| &header.shared_attributes) else {
+            return Err(Error::input(subject, "holds no layers", "write it again"));
+        };
+        let window = shared.display_window;
+        let whole = [window.size.x() as u32, window.size.y() as u32];
+        let to_rec709 = shared.chromaticities.and_then(|given| {
+            let [red, green, blue, white] =
+                [given.red, given.green, given.blue, given.white].map(|at| [f64::from(at.x()), f64::from(at.y())]);
+            Primaries { red, green, blue, white }.to_rec709()
+        });
+        let (mut notes, mut layers, mut parts) =
+            (Vec::new(), Vec::<(ExrLayer, (usize, Vec<usize>))>::new(), Vec::new());
+        for (number, header) in meta.headers.iter().enumerate() {
+            let part = [header.layer_size.x() as u32, header.layer_size.y() as u32];
+            let corner = header.own_attributes.layer_position;
+            let at = [corner.x() - window.position.x(), corner.y() - window.position.y()].map(i64::from);
+            let placement = Some(Placement { whole, at, part }).filter(Placement::is_usable);
+            let placement = placement.unwrap_or(Placement { whole: part, at: [0, 0], part });
+            if !placement.is_whole() && !notes.contains(&placement.note()) {
+                notes.push(placement.note());
+            }
+            let name = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
+            let first = layers.len();
+            for (channel, description) in header.channels.list.iter().enumerate() {
+                let full = description.name.to_string();
+                let (prefix, own) = full.rsplit_once('.').unwrap_or(("", &full));
+                let owner = [name.as_str(), prefix].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(".");
+                let entry = (own.to_owned(), Vec::new());
+                match layers[first..].iter_mut().find(|(layer, _)| layer.name == owner) {
+                    Some((layer, (_, stored))) => {
+                        layer.channels.push(entry);
+                        stored.push(channel);
+                    }
+                    None => {
+                        let layer = ExrLayer { name: owner, size: placement.whole, channels: vec![entry] };
+                        layers.push((layer, (number, vec![channel])));
+                    }
+                }
+            }
+            parts.push(placement);
+        }
+        // The main layer goes first, because it was most likely meant.
+        layers.sort_by_key(|(layer, _)| !layer.name.is_empty());
+        let (layers, stored) = layers.into_iter().unzip();
+        Ok(Self { exr: Exr { layers, to_rec709, notes }, stored, parts })
+    }
+
+    /// Decodes the values of all channels, or of one channel of a layer.
+    fn fill(mut self, file: impl Read + Seek, only: Option<(usize, usize)>, subject: &str) -> Result<Exr> {
+        let mut targets: HashMap<[usize; 2], &mut Vec<f32>> = HashMap::new();
+        let mut held = 0;
+        for (layer, (values, (part, stored))) in self.exr.layers.iter_mut().zip(&self.stored).enumerate() {
+            for (place, ((_, values), channel)) in values.channels.iter_mut().zip(stored).enumerate() {
+                if only.is_none_or(|only| only == (layer, place)) {
+                    let [width, height] = self.parts[*part].whole.map(u64::from);
+                    held += width * height;
+                    targets.insert([*part, *channel], values);
+                }
             }
         }
+        // And the colours that may be made of them.
+        budget::ask(subject, 4 * held + if only.is_none() { 16 * held.min(MAX_PIXELS) } else { 0 })?;
+        for ([part, _], values) in &mut targets {
+            let [width, height] = self.parts[*part].whole.map(|side| side as usize);
+            **values = vec![f32::NAN; width * height];
+        }
+        let wanted: Vec<usize> = targets.keys().map(|[part, _]| *part).collect();
+        blocks(file, &wanted, subject, |channels, block| {
+            let placement = &self.parts[block.index.layer];
+            for line in block.lines(channels) {
+                let Some(values) = targets.get_mut(&[block.index.layer, line.location.channel]) else { continue };
+                let Some((start, skip, count)) = placement
+                    .line([line.location.position.x(), line.location.position.y()], line.location.sample_count)
+                else {
+                    continue;
+                };
+                let out = &mut values[start..start + count];
+                each(&line, channels, |index, value| {
+                    if let Some(out) = index.checked_sub(skip).and_then(|index| out.get_mut(index)) {
+                        *out = value;
+                    }
+                });
+            }
+        })?;
+        Ok(self.exr)
     }
-    // The main layer goes first, because it was most likely meant.
-    layers.sort_by_key(|layer| !layer.name.is_empty());
-    Ok(exr)
+}
+
+/// Decodes the blocks of some parts, in any order.
+fn blocks(
+    file: impl Read + Seek,
+    parts: &[usize],
+    subject: &str,
+    mut each: impl FnMut(&ChannelList, &UncompressedBlock),
+) -> Result<()> {
+    let file = exr::block::read(file, false);
+    let chunks = file.and_then(|file| {
+        file.filter_chunks(false, |_, _, block| block.level == Vec2(0, 0) && parts.contains(&block.layer))
+    });
+    let done = chunks.and_then(|chunks| {
+        chunks.decompress_parallel(false, |meta, block| {
+            each(&meta.headers[block.index.layer].channels, &block);
+            Ok(())
+        })
+    });
+    done.map_err(|error| damaged(&error, subject))
+}
+
+/// Calls with the number and the value of each sample of a line.
+fn each(line: &LineRef<'_>, channels: &ChannelList, mut with: impl FnMut(usize, f32)) {
+    let Some(channel) = channels.list.get(line.location.channel) else { return };
+    match channel.sample_type {
+        SampleType::F16 => (line.value.as_chunks().0.iter().enumerate())
+            .for_each(|(index, bytes)| with(index, f16::from_ne_bytes(*bytes).to_f32())),
+        SampleType::F32 => (line.value.as_chunks().0.iter().enumerate())
+            .for_each(|(index, bytes)| with(index, f32::from_ne_bytes(*bytes))),
+        SampleType::U32 => (line.value.as_chunks().0.iter().enumerate())
+            .for_each(|(index, bytes)| with(index, u32::from_ne_bytes(*bytes) as f32)),
+    }
+}
+
+/// Decodes all layers.
+pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Exr> {
+    Contents::read(&mut Cursor::new(bytes), subject)?.fill(Cursor::new(bytes), None, subject)
+}
+
+/// How large the whole picture is.
+pub(super) fn size(mut file: BufReader<File>, subject: &str) -> Result<[u32; 2]> {
+    let contents = Contents::read(&mut file, subject)?;
+    let layer = contents.exr.layers.first();
+    layer.map(|layer| layer.size).ok_or_else(|| Error::input(subject, "holds no channels", "write it again"))
+}
+
+/// The colour of the layer `wanted`, or of the one whose name means colour, by strips of rows.
+pub(super) fn rows(mut file: BufReader<File>, wanted: Option<&str>, subject: String) -> Result<Rows> {
+    let contents = Contents::read(&mut file, &subject)?;
+    let (index, channels, taken) = layers::color(&contents.exr.layers, wanted, &subject)?;
+    let (layer, (part, stored)) = (&contents.exr.layers[index], &contents.stored[index]);
+    let alpha = layer.channels.iter().position(|(name, _)| name == "A").map(|alpha| (stored[alpha], 3));
+    let slots: Vec<(usize, usize)> =
+        channels.iter().enumerate().map(|(slot, channel)| (stored[*channel], slot)).chain(alpha).collect();
+    let (part, placement) = (*part, contents.parts[*part]);
+    let space = ColorSpace { to_rec709: contents.exr.to_rec709, ..ColorSpace::LINEAR };
+    let decode = move |out: &mut Strips<'_>| {
+        let [width, height] = placement.whole.map(|side| side as usize);
+        // Rows of blocks that are not complete, by their first row in the file: pixels that lack, and texels.
+        let mut bands: HashMap<usize, (usize, Vec<[f32; 4]>)> = HashMap::new();
+        blocks(file, &[part], &subject, |list, block| {
+            let (first, size) = (block.index.pixel_position.y(), block.index.pixel_size);
+            let (lacks, band) = bands.entry(first).or_insert_with(|| {
+                let rows = size.height();
+                (rows * placement.part[0] as usize, vec![[f32::NAN, f32::NAN, f32::NAN, 1.0]; rows * width])
+            });
+            let band_placement = Placement {
+                whole: [placement.whole[0], (band.len() / width) as u32],
+                at: [placement.at[0], -(first as i64)],
+                part: placement.part,
+            };
+            for line in block.lines(list) {
+                for (_, slot) in slots.iter().filter(|(channel, _)| *channel == line.location.channel) {
+                    let place = band_placement
+                        .line([line.location.position.x(), line.location.position.y()], line.location.sample_count);
+                    let Some((start, skip, count)) = place else { continue };
+                    let out = &mut band[start..start + count];
+                    each(&line, list, |index, value| {
+                        if let Some(texel) = index.checked_sub(skip).and_then(|index| out.get_mut(index)) {
+                            texel[*slot] = value;
+                        }
+                    });
+                }
+            }
+            *lacks = lacks.saturating_sub(size.area());
+            if *lacks > 0 {
+                return;
+            }
+            let Some((_, mut band)) = bands.remove(&first) else { return };
+            for texel in &mut band {
+                *texel = color_of(*texel, &space, alpha.is_some());
+            }
+            let at = placement.at[1] + first as i64;
+            let (skip, end) = ((-at).max(0) as usize, (height as i64 - at).max(0) as usize);
+            let end = end.min(band.len() / width);
+            if skip < end {
+                out((at + skip as i64) as u32, &mut band[skip * width..end * width]);
+            }
+        })
+    };
+    let (size, notes) = (placement.whole, contents.exr.notes);
+    Ok(Rows { size, ldr: false, taken: Some(taken), notes, held: 0, decode: Box::new(decode) })
+}
+
+/// The depth of the layer or channel `wanted`, or of the one whose name means depth; `None` if this is no OpenEXR file.
+pub(super) fn codes_of_file(path: &Path, wanted: Option<&str>, subject: &str) -> Result<Option<CodeImage>> {
+    let (mut file, start) = super::rows::begin(path)?;
+    if !is_exr(&start) {
+        return Ok(None);
+    }
+    let contents = Contents::read(&mut file, subject)?;
+    let (layer, channel, _) = layers::depth(&contents.exr.layers, wanted, subject)?;
+    codes(contents.fill(file, Some((layer, channel)), subject)?, wanted, subject).map(Some)
 }
 
 pub(super) fn list(layers: &[ExrLayer]) -> String {
@@ -144,15 +317,17 @@ pub(super) fn color(exr: Exr, wanted: Option<&str>, subject: &str) -> Result<Col
     let [r, g, b] = channels.map(|channel| layer.channels[channel].1.as_slice());
     let alpha = layer.channel("A");
     let space = ColorSpace { to_rec709: exr.to_rec709, ..ColorSpace::LINEAR };
-    let texel = |i: usize| {
-        let color = space.rec709(Vec3::new(r[i], g[i], b[i]));
-        // A premultiplied texel without coverage or light was never drawn.
-        let undrawn = color == Vec3::ZERO && alpha.is_some_and(|alpha| alpha[i] == 0.0);
-        let known = !(color.is_nan() || undrawn);
-        color.extend(f32::from(known)).to_array()
-    };
+    let texel = |i: usize| color_of([r[i], g[i], b[i], alpha.map_or(1.0, |alpha| alpha[i])], &space, alpha.is_some());
     let texels = (0..r.len()).map(texel).collect();
     Ok(ColorImage { size: layer.size, texels, ldr: false, taken: Some(taken), notes: exr.notes })
+}
+
+/// A colour whose alpha says whether it is known.
+fn color_of([r, g, b, alpha]: [f32; 4], space: &ColorSpace, has_alpha: bool) -> [f32; 4] {
+    let color = space.rec709(Vec3::new(r, g, b));
+    // A premultiplied texel without coverage or light was never drawn.
+    let undrawn = has_alpha && alpha == 0.0 && color == Vec3::ZERO;
+    color.extend(f32::from(!(color.is_nan() || undrawn))).to_array()
 }
 
 /// Returns the depth of the layer or channel `wanted`, or of the one whose name means depth.
@@ -188,7 +363,7 @@ pub(super) fn encode(layers: &[ExrLayer], subject: &str, out: &mut (impl Write +
     let layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
     ExrImage::from_layer(layer).write().to_buffered(out).map_err(|error| match error {
         exr::error::Error::Io(error) => {
-            let problem = format!("cannot be written: {}", super::read::plain_io(&error));
+            let problem = format!("cannot be written: {}", plain_io(&error));
             Error::input(subject, problem, "free some space")
         }
         other => internal(one_line(&other)),

@@ -10,6 +10,7 @@ mod placement;
 mod png_chunks;
 mod radiance;
 pub mod read;
+pub mod rows;
 pub mod srgb;
 pub mod tonemap;
 pub mod write;

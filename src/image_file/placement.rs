@@ -44,6 +44,16 @@ impl Placement {
         out
     }
 
+    /// Where a line of the part begins in the whole, how many of its pixels lie before that, and how many are in it;
+    /// `None` if there are none.
+    pub fn line(&self, [x, y]: [usize; 2], count: usize) -> Option<(usize, usize, usize)> {
+        let [left, top] = [self.at[0] + x as i64, self.at[1] + y as i64];
+        let [width, height] = self.whole.map(i64::from);
+        let (first, end) = (left.max(0), (left + count as i64).min(width));
+        ((0..height).contains(&top) && first < end)
+            .then(|| ((top * width + first) as usize, (first - left) as usize, (end - first) as usize))
+    }
+
     pub fn note(&self) -> String {
         let ([w, h], [x, y], [pw, ph]) = (self.whole, self.at, self.part);
         format!("holds {pw}x{ph} pixels at ({x}, {y}) of {w}x{h}: what lies around them is not known")

@@ -2,15 +2,23 @@
 //! and that before gAMA and cHRM.
 
 use super::color_space::{ColorSpace, Primaries, Transfer};
+use std::io::Read;
 
 /// Reads the chunks before the pixels. `None` leaves it to the ICC profile, or to sRGB.
-pub(super) fn color_space(bytes: &[u8]) -> Option<ColorSpace> {
+pub(super) fn color_space(file: &mut impl Read) -> Option<ColorSpace> {
     let word = |bytes: &[u8]| bytes.first_chunk().map(|word| u32::from_be_bytes(*word));
     let (mut gamma, mut primaries, mut profile) = (None, None, false);
-    let mut rest = bytes.get(8..)?;
-    while let Some(length) = word(rest) {
-        let kind = rest.get(4..8)?;
-        let data = rest.get(8..8_usize.checked_add(length as usize)?)?;
+    let mut head = [0; 8];
+    file.read_exact(&mut head).ok()?;
+    while file.read_exact(&mut head).is_ok() {
+        let [length, kind] = [word(&head)?, word(&head[4..])?];
+        let kind = &kind.to_be_bytes();
+        if kind == b"IDAT" || kind == b"IEND" {
+            break;
+        }
+        let mut data = Vec::new();
+        file.by_ref().take(u64::from(length) + 4).read_to_end(&mut data).ok()?;
+        let data = data.get(..length as usize)?;
         match kind {
             b"cICP" => {
                 if let Some(space) = ColorSpace::of_code_points(*data.first()?, *data.get(1)?) {
@@ -27,10 +35,8 @@ pub(super) fn color_space(bytes: &[u8]) -> Option<ColorSpace> {
                     primaries = Some(Primaries { white: [wx, wy], red: [rx, ry], green: [gx, gy], blue: [bx, by] });
                 }
             }
-            b"IDAT" | b"IEND" => break,
             _ => {}
         }
-        rest = rest.get(12 + length as usize..)?;
     }
     if profile || (gamma.is_none() && primaries.is_none()) {
         return None;
@@ -63,7 +69,7 @@ mod tests {
     #[test]
     fn chunks_are_heard_in_their_order_of_rank() {
         let gamma = |value: u32| value.to_be_bytes();
-        let transfer = |chunks: &[(&[u8; 4], &[u8])]| color_space(&png(chunks)).map(|space| space.transfer);
+        let transfer = |chunks: &[(&[u8; 4], &[u8])]| color_space(&mut &png(chunks)[..]).map(|space| space.transfer);
         assert_eq!(transfer(&[(b"gAMA", &gamma(100_000))]), Some(Transfer::Linear));
         assert_eq!(transfer(&[(b"gAMA", &gamma(45_455))]), Some(Transfer::Srgb));
         assert_eq!(transfer(&[(b"gAMA", &gamma(50_000))]), Some(Transfer::Gamma(2.0)));
@@ -71,6 +77,6 @@ mod tests {
         assert_eq!(transfer(&[(b"iCCP", b"x"), (b"gAMA", &gamma(100_000))]), None, "the profile is read elsewhere");
         assert_eq!(transfer(&[(b"cICP", &[9, 16, 0, 1]), (b"sRGB", &[0])]), Some(Transfer::Pq));
         assert_eq!(transfer(&[(b"IDAT", b"x"), (b"gAMA", &gamma(100_000))]), None);
-        assert!(color_space(&png(&[(b"gAMA", &[1])])).is_none() && color_space(b"PNG").is_none());
+        assert!(color_space(&mut &png(&[(b"gAMA", &[1])])[..]).is_none() && color_space(&mut &b"PNG"[..]).is_none());
     }
 }

@@ -3,12 +3,16 @@
 
 use super::{
     color_space::{ColorSpace, Primaries, xyz_to_rec709},
-    read::{Raster, Samples, check_size, one_line},
+    read::{Raster, Samples, check_size, one_line, plain_io},
+    rows::{Rows, STRIP, Strips},
 };
 use crate::{Error, Result, budget};
 use glam::{Mat3, Vec3};
-use image::{DynamicImage, codecs::hdr::HdrDecoder};
-use std::io::{Cursor, Read as _};
+use image::{ImageDecoder as _, codecs::hdr::HdrDecoder};
+use std::{
+    fs::File,
+    io::{BufReader, Cursor, Read, Seek as _},
+};
 
 /// Radiance's own primaries, with white of equal energy.
 const EQUAL_ENERGY: [f64; 2] = [1.0 / 3.0, 1.0 / 3.0];
@@ -28,44 +32,114 @@ pub(super) fn is_radiance(bytes: &[u8]) -> bool {
     bytes.starts_with(b"#?R")
 }
 
-/// Decodes a file. Its numbers are divided by the exposure, which gives radiance.
-pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Raster> {
-    let damaged = |problem: String| Error::input(subject, format!("cannot be decoded: {problem}"), "write it again");
-    let header = header(bytes).map_err(|problem| damaged(problem.into()))?;
-    let [(_, slow, rows), (_, fast, columns)] = header.axes;
-    if (slow, fast) != ('Y', 'X') && (slow, fast) != ('X', 'Y') {
-        return Err(damaged("its resolution has no X and Y".into()));
-    }
-    check_size([columns, rows], subject)?;
-    budget::ask(subject, u64::from(columns) * u64::from(rows) * (12 + 12 + 16))?;
-    let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {columns}\n");
-    let reader = Cursor::new(plain.as_bytes()).chain(Cursor::new(&bytes[header.start..]));
-    let decoder = HdrDecoder::new(std::io::BufReader::new(reader)).map_err(|error| damaged(one_line(&error)))?;
-    let stored =
-        DynamicImage::from_decoder(decoder).map_err(|error| damaged(one_line(&error)))?.into_rgb32f().into_raw();
+/// What a file says of its pixels.
+struct Picture {
+    header: Header,
+    size: [u32; 2],
+    color: ColorSpace,
+    notes: Vec<String>,
+}
 
-    let size = if slow == 'Y' { [columns, rows] } else { [rows, columns] };
-    let mut values = vec![0.0; stored.len()];
-    for (index, pixel) in stored.as_chunks::<3>().0.iter().enumerate() {
-        let along = [(index as u32) / columns, (index as u32) % columns];
+fn damaged(problem: &str, subject: &str) -> Error {
+    Error::input(subject, format!("cannot be decoded: {problem}"), "write it again")
+}
+
+impl Picture {
+    fn of(start: &[u8], subject: &str) -> Result<Self> {
+        let header = header(start).map_err(|problem| damaged(problem, subject))?;
+        let [(_, slow, rows), (_, fast, columns)] = header.axes;
+        if (slow, fast) != ('Y', 'X') && (slow, fast) != ('X', 'Y') {
+            return Err(damaged("its resolution has no X and Y", subject));
+        }
+        check_size([columns, rows], subject)?;
+        let mut notes = Vec::new();
+        if header.factor != Vec3::ONE {
+            let [r, g, b] = header.factor.to_array();
+            let factor = if r == g && g == b { format!("{r}") } else { format!("{r}, {g}, {b}") };
+            notes.push(format!("its EXPOSURE or COLORCORR of {factor} was divided out"));
+        }
+        let size = if slow == 'Y' { [columns, rows] } else { [rows, columns] };
+        let color = ColorSpace { to_rec709: header.to_rec709, ..ColorSpace::LINEAR };
+        Ok(Self { header, size, color, notes })
+    }
+
+    /// Decodes scan lines, some at a time, and hands out their first one and their pixels: stored numbers divided by the
+    /// exposure, which gives radiance.
+    fn scan(&self, mut lines: impl Read, subject: &str, mut each: impl FnMut(u32, &[Vec3])) -> Result<()> {
+        let failed = |error: image::ImageError| damaged(&one_line(&error), subject);
+        let [(_, _, rows), (_, _, columns)] = self.header.axes;
+        let some = (STRIP as u32 / columns).clamp(1, rows);
+        let mut stored = vec![[0_f32; 3]; some as usize * columns as usize];
+        for first in (0..rows).step_by(some as usize) {
+            let count = some.min(rows - first);
+            let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {count} +X {columns}\n");
+            let decoder = HdrDecoder::new(Cursor::new(plain).chain(&mut lines)).map_err(failed)?;
+            let stored = &mut stored[..count as usize * columns as usize];
+            decoder.read_image(bytemuck::cast_slice_mut(stored)).map_err(failed)?;
+            let pixels: Vec<Vec3> = stored.iter().map(|pixel| Vec3::from_array(*pixel) / self.header.factor).collect();
+            each(first, &pixels);
+        }
+        Ok(())
+    }
+
+    /// The place of a pixel of a scan line. Rows are counted from the top, so that +Y goes up.
+    fn place(&self, line: u32, along: u32) -> [u32; 2] {
         let mut at = [0, 0];
-        for ((positive, axis, length), place) in header.axes.into_iter().zip(along) {
-            // Rows are counted from the top, so that +Y goes up.
+        for ((positive, axis, length), place) in self.header.axes.into_iter().zip([line, along]) {
             let forward = if axis == 'X' { positive } else { !positive };
             at[usize::from(axis == 'Y')] = if forward { place } else { length - 1 - place };
         }
-        let color = Vec3::from_array(*pixel) / header.factor;
-        let place = (at[1] as usize * size[0] as usize + at[0] as usize) * 3;
-        values[place..place + 3].copy_from_slice(&color.to_array());
+        at
     }
-    let mut notes = Vec::new();
-    if header.factor != Vec3::ONE {
-        let [r, g, b] = header.factor.to_array();
-        let factor = if r == g && g == b { format!("{r}") } else { format!("{r}, {g}, {b}") };
-        notes.push(format!("its EXPOSURE or COLORCORR of {factor} was divided out"));
-    }
-    let color = ColorSpace { to_rec709: header.to_rec709, ..ColorSpace::LINEAR };
+}
+
+/// Decodes a file.
+pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Raster> {
+    let picture = Picture::of(bytes, subject)?;
+    let [width, height] = picture.size;
+    budget::ask(subject, u64::from(width) * u64::from(height) * (12 + 16))?;
+    let columns = picture.header.axes[1].2 as usize;
+    let mut values = vec![0.0; width as usize * height as usize * 3];
+    picture.scan(&bytes[picture.header.start..], subject, |first, pixels| {
+        for (index, color) in pixels.iter().enumerate() {
+            let [x, y] = picture.place(first + (index / columns) as u32, (index % columns) as u32);
+            let place = (y as usize * width as usize + x as usize) * 3;
+            values[place..place + 3].copy_from_slice(&color.to_array());
+        }
+    })?;
+    let Picture { size, color, notes, .. } = picture;
     Ok(Raster { size, channels: 3, samples: Samples::F32(values), lossy: false, color, notes })
+}
+
+/// The colours of a file by strips of rows. One whose scan lines are columns is decoded whole.
+pub(super) fn rows(mut file: BufReader<File>, subject: String) -> Result<Rows> {
+    let failed = |error: std::io::Error| Error::input(&subject, plain_io(&error), "check the file");
+    let mut start = Vec::new();
+    file.by_ref().take(1 << 20).read_to_end(&mut start).map_err(failed)?;
+    let picture = Picture::of(&start, &subject)?;
+    file.rewind().map_err(failed)?;
+    if picture.header.axes[0].1 == 'X' {
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map_err(failed)?;
+        return decode(&bytes, &subject).map(Raster::into_rows);
+    }
+    let (size, notes) = (picture.size, picture.notes.clone());
+    let decode = move |out: &mut Strips<'_>| {
+        file.seek_relative(picture.header.start as i64).map_err(|error| damaged(&one_line(&error), &subject))?;
+        let width = picture.size[0] as usize;
+        picture.scan(file, &subject, |first, pixels| {
+            let mut strip = vec![[0.0; 4]; pixels.len()];
+            let last = first + (pixels.len() / width) as u32 - 1;
+            let top = picture.place(first, 0)[1].min(picture.place(last, 0)[1]);
+            for (index, color) in pixels.iter().enumerate() {
+                let [x, y] = picture.place(first + (index / width) as u32, (index % width) as u32);
+                let color = picture.color.rec709(*color);
+                strip[(y - top) as usize * width + x as usize] = color.extend(f32::from(!color.is_nan())).to_array();
+            }
+            out(top, &mut strip);
+        })
+    };
+    Ok(Rows { size, ldr: false, taken: None, notes, held: 0, decode: Box::new(decode) })
 }
 
 fn header(bytes: &[u8]) -> std::result::Result<Header, &'static str> {

@@ -5,12 +5,16 @@ use super::{
     color_space::ColorSpace,
     exr_file::{self, Exr},
     layers::Taken,
-    placement, png_chunks, radiance,
+    placement::{self, Placement},
+    png_chunks, radiance,
 };
 use crate::{Error, Result, budget};
-use glam::Vec3;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, metadata::Orientation};
-use std::{io::Cursor, path::Path};
+use rayon::prelude::*;
+use std::{
+    io::{BufRead, Cursor, Seek},
+    path::Path,
+};
 
 /// The most pixels that an image may have (16384 × 16384).
 pub const MAX_PIXELS: u64 = 1 << 28;
@@ -109,15 +113,27 @@ pub fn read(path: &Path) -> Result<FileImage> {
     decode(&read_bytes(path)?, &path.display().to_string())
 }
 
+/// Reads one number a pixel, as [`FileImage::codes_of`] returns them. Of an EXR nothing else is kept.
+///
+/// # Errors
+/// Fails as [`read`] and [`FileImage::codes_of`] do.
+pub fn codes(path: &Path, layer: Option<&str>) -> Result<CodeImage> {
+    let subject = path.display().to_string();
+    match exr_file::codes_of_file(path, layer, &subject)? {
+        Some(codes) => Ok(codes),
+        None => read(path)?.codes_of(layer, &subject),
+    }
+}
+
 /// Decodes an image. `subject` names it in errors.
 ///
 /// # Errors
 /// Fails if the bytes are empty, of an unknown type, damaged or too large.
 pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     if bytes.is_empty() {
-        return Err(Error::input(subject, "the file is empty", "write it again"));
+        return Err(empty(subject));
     }
-    if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+    if exr_file::is_exr(bytes) {
         return exr_file::decode(bytes, subject).map(FileImage::Exr);
     }
     if radiance::is_radiance(bytes) {
@@ -126,17 +142,31 @@ pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     if let Some(array) = arrays::decode(bytes, subject) {
         return array.map(FileImage::Raster);
     }
+    let Some(format) = raster_format(bytes) else { return Err(refusal(bytes, subject)) };
+    let (decoder, head) = head(Cursor::new(bytes), format, subject)?;
+    // What is decoded, and then colours or codes made of it.
+    let [width, height] = head.stored.map(u64::from);
+    budget::ask(subject, width * height * (u64::from(decoder.color_type().bytes_per_pixel()) + 16))?;
+    pixels(decoder, head, subject).map(FileImage::Raster)
+}
+
+pub(super) fn empty(subject: &str) -> Error {
+    Error::input(subject, "the file is empty", "write it again")
+}
+
+/// The format that the first bytes of a PNG, JPEG, WebP or TIFF name.
+pub(super) fn raster_format(bytes: &[u8]) -> Option<ImageFormat> {
     let known = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff];
-    match image::guess_format(bytes) {
-        Ok(format) if known.contains(&format) => decode_raster(bytes, format, subject).map(FileImage::Raster),
-        _ => Err(refusal(bytes, subject)),
-    }
+    image::guess_format(bytes).ok().filter(|format| known.contains(format))
 }
 
 /// Says what a file is that is no picture, or none that is read.
 fn refusal(bytes: &[u8], subject: &str) -> Error {
     if let Some(kind) = photograph(bytes) {
-        let remedy = "convert it, as with: heif-convert photo.heic photo.png (of libheif)";
+        let remedy = match kind {
+            "AVIF" => "convert it, as with: avifdec picture.avif picture.png (of libavif)",
+            _ => "convert it, as with: heif-convert photo.heic photo.png (of libheif)",
+        };
         return Error::input(subject, format!("is a picture of the kind {kind}, which is not read"), remedy);
     }
     if is_video(bytes) {
@@ -161,26 +191,72 @@ fn is_video(bytes: &[u8]) -> bool {
         || bytes.get(8..12) == Some(b"AVI ")
 }
 
-fn decode_raster(bytes: &[u8], format: ImageFormat, subject: &str) -> Result<Raster> {
-    let damaged = |error: image::ImageError| {
-        Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
-    };
+/// What a PNG, JPEG, WebP or TIFF says of its pixels before they are decoded.
+pub(super) struct Head {
+    format: ImageFormat,
+    /// Width and height as stored.
+    stored: [u32; 2],
+    orientation: Orientation,
+    color: Option<ColorSpace>,
+    /// Where the picture is in the whole, if that is larger.
+    crop: Option<Placement>,
+    notes: Vec<String>,
+}
+
+impl Head {
+    /// Width and height of the whole picture.
+    pub fn size(&self) -> [u32; 2] {
+        self.crop.map_or(turned(self.stored, self.orientation), |crop| crop.whole)
+    }
+
+    /// Whether it is stored as it is shown.
+    pub fn is_plain(&self) -> bool {
+        self.orientation == Orientation::NoTransforms && self.crop.is_none()
+    }
+
+    pub fn space(&self, floats: bool) -> ColorSpace {
+        if floats { ColorSpace::LINEAR } else { self.color.clone().unwrap_or(ColorSpace::SRGB) }
+    }
+
+    pub fn notes(&self) -> Vec<String> {
+        self.notes.iter().cloned().chain(self.crop.map(|crop| crop.note())).collect()
+    }
+}
+
+fn turned([width, height]: [u32; 2], orientation: Orientation) -> [u32; 2] {
+    match orientation {
+        Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH => {
+            [height, width]
+        }
+        _ => [width, height],
+    }
+}
+
+fn damaged(error: image::ImageError, subject: &str) -> Error {
+    Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
+}
+
+/// Reads the header of a PNG, JPEG, WebP or TIFF.
+pub(super) fn head<'a>(
+    mut reader: impl BufRead + Seek + 'a,
+    format: ImageFormat,
+    subject: &str,
+) -> Result<(Box<dyn ImageDecoder + 'a>, Head)> {
+    let chunks = if format == ImageFormat::Png { png_chunks::color_space(&mut reader) } else { None };
+    let _ = reader.rewind(); // a file that cannot be rewound cannot be decoded
     let mut limits = Limits::default();
     limits.max_alloc = Some(MAX_PIXELS * 16);
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut reader = ImageReader::with_format(reader, format);
     reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(damaged)?;
+    let mut decoder = reader.into_decoder().map_err(|error| damaged(error, subject))?;
     let (width, height) = decoder.dimensions();
-    check_size([width, height], subject)?;
-    // What is decoded, and then colours or codes made of it.
-    let pixel = u64::from(decoder.color_type().bytes_per_pixel()) + 16;
-    budget::ask(subject, u64::from(width) * u64::from(height) * pixel)?;
+    let stored = [width, height];
+    check_size(stored, subject)?;
     // What is said beside the pixels is not worth refusing a picture for.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let profile = decoder.icc_profile().ok().flatten();
     let xmp = decoder.xmp_metadata().ok().flatten();
     let mut notes = Vec::new();
-    let chunks = if format == ImageFormat::Png { png_chunks::color_space(bytes) } else { None };
     let color = chunks.or_else(|| match profile.as_deref().map(ColorSpace::of_icc)? {
         None => {
             notes.push("its colour profile cannot be used: sRGB is taken".to_owned());
@@ -188,9 +264,15 @@ fn decode_raster(bytes: &[u8], format: ImageFormat, subject: &str) -> Result<Ras
         }
         known => known,
     });
-    let mut decoded = DynamicImage::from_decoder(decoder).map_err(damaged)?;
-    if orientation != Orientation::NoTransforms {
-        decoded.apply_orientation(orientation);
+    let crop = xmp.and_then(|xmp| placement::gpano(&String::from_utf8_lossy(&xmp), turned(stored, orientation)));
+    Ok((Box::new(decoder), Head { format, stored, orientation, color, crop, notes }))
+}
+
+/// Decodes the pixels, turns them as the header says, and puts them where they belong.
+pub(super) fn pixels(decoder: Box<dyn ImageDecoder + '_>, head: Head, subject: &str) -> Result<Raster> {
+    let mut decoded = DynamicImage::from_decoder(decoder).map_err(|error| damaged(error, subject))?;
+    if head.orientation != Orientation::NoTransforms {
+        decoded.apply_orientation(head.orientation);
     }
     let size = [decoded.width(), decoded.height()];
     let (channels, samples) = match decoded {
@@ -205,14 +287,10 @@ fn decode_raster(bytes: &[u8], format: ImageFormat, subject: &str) -> Result<Ras
         DynamicImage::ImageRgba32F(image) => (4, Samples::F32(image.into_raw())),
         other => (3, Samples::F32(other.into_rgb32f().into_raw())),
     };
-    let color = match samples {
-        Samples::F32(_) => ColorSpace::LINEAR,
-        _ => color.unwrap_or(ColorSpace::SRGB),
-    };
-    let lossy = matches!(format, ImageFormat::Jpeg | ImageFormat::WebP);
-    let raster = Raster { size, channels, samples, lossy, color, notes };
-    let crop = xmp.and_then(|xmp| placement::gpano(&String::from_utf8_lossy(&xmp), size));
-    Ok(match crop {
+    let color = head.space(matches!(samples, Samples::F32(_)));
+    let lossy = matches!(head.format, ImageFormat::Jpeg | ImageFormat::WebP);
+    let raster = Raster { size, channels, samples, lossy, color, notes: head.notes };
+    Ok(match head.crop {
         Some(crop) => placement::place(raster, crop),
         None => raster,
     })
@@ -274,73 +352,58 @@ impl FileImage {
     }
 }
 
-fn no_layers(subject: &str) -> Error {
+pub(super) fn no_layers(subject: &str) -> Error {
     Error::input(subject, "has no layers, as an EXR has", "leave layer out")
 }
 
 impl Raster {
-    /// Returns whether each pixel is known, by alpha; `None` if all are, or if alpha says that none is.
-    fn known(&self) -> Option<Vec<bool>> {
-        let channels = self.channels;
-        if channels % 2 == 1 {
-            return None;
+    /// Says whether alpha tells what is known: it does not if it says that all is, or that nothing is.
+    pub(super) fn alpha_tells(&self) -> bool {
+        fn tells<T: Copy + PartialOrd + Sync>(values: &[T], channels: usize, zero: T) -> bool {
+            let alphas = || values.par_chunks_exact(channels).map(|pixel| pixel[channels - 1] > zero);
+            alphas().any(|known| known) && alphas().any(|known| !known)
         }
-        let known: Vec<bool> = match &self.samples {
-            Samples::U8(values) => values.chunks_exact(channels).map(|p| p[channels - 1] > 0).collect(),
-            Samples::U16(values) => values.chunks_exact(channels).map(|p| p[channels - 1] > 0).collect(),
-            Samples::F32(values) => values.chunks_exact(channels).map(|p| p[channels - 1] > 0.0).collect(),
-        };
-        (known.contains(&false) && known.contains(&true)).then_some(known)
+        self.channels % 2 == 0
+            && match &self.samples {
+                Samples::U8(values) => tells(values, self.channels, 0),
+                Samples::U16(values) => tells(values, self.channels, 0),
+                Samples::F32(values) => tells(values, self.channels, 0.0),
+            }
     }
 
-    fn into_color(self) -> ColorImage {
-        let known = self.known();
-        let (space, channels) = (&self.color, self.channels);
-        let gather = |value: &dyn Fn(usize, usize) -> f32, count: usize| {
-            (0..count / channels)
-                .map(|pixel| {
-                    let at = pixel * channels;
-                    let [r, g, b] = if channels < 3 { [at; 3] } else { [at, at + 1, at + 2] };
-                    let color = space.rec709(Vec3::new(value(r, 0), value(g, 1), value(b, 2)));
-                    let known = !color.is_nan() && known.as_ref().is_none_or(|known| known[pixel]);
-                    color.extend(f32::from(known)).to_array()
-                })
-                .collect()
-        };
-        let decoded = |largest: u16| -> [Vec<f32>; 3] {
-            let code = |code: u16| f32::from(code) / f32::from(largest);
-            std::array::from_fn(|c| (0..=largest).map(|value| space.transfer.linear(code(value), c)).collect())
-        };
-        let (texels, ldr) = match &self.samples {
-            Samples::U8(codes) => {
-                let table = decoded(255);
-                (gather(&|i, c| table[c][usize::from(codes[i])], codes.len()), space.transfer.saturates_at_one())
-            }
-            Samples::U16(codes) => {
-                let table = decoded(65535);
-                (gather(&|i, c| table[c][usize::from(codes[i])], codes.len()), space.transfer.saturates_at_one())
-            }
-            Samples::F32(values) => (gather(&|i, _| values[i], values.len()), false),
-        };
-        ColorImage { size: self.size, texels, ldr, taken: None, notes: self.notes }
+    fn into_color(mut self) -> ColorImage {
+        let (size, ldr, notes) = (self.size, self.is_ldr(), std::mem::take(&mut self.notes));
+        let width = size[0] as usize;
+        let mut texels = vec![[0.0; 4]; width * size[1] as usize];
+        self.strips(&mut |row, strip| {
+            texels[row as usize * width..][..strip.len()].copy_from_slice(strip);
+        });
+        ColorImage { size, texels, ldr, taken: None, notes }
     }
 
     fn into_codes(self, subject: &str) -> Result<CodeImage> {
-        let (channels, known) = (self.channels, self.known());
-        let (values, full): (Vec<f32>, f32) = match &self.samples {
-            Samples::U8(codes) => (codes.iter().map(|code| f32::from(*code)).collect(), 255.0),
-            Samples::U16(codes) => (codes.iter().map(|code| f32::from(*code)).collect(), 65535.0),
-            Samples::F32(values) => (values.clone(), f32::INFINITY),
+        let (channels, alpha) = (self.channels, self.alpha_tells());
+        let (integer, full) = match &self.samples {
+            Samples::U8(_) => (true, 255.0),
+            Samples::U16(_) => (true, 65535.0),
+            Samples::F32(_) => (false, f32::INFINITY),
         };
-        let integer = !matches!(self.samples, Samples::F32(_));
+        let value = |at: usize| match &self.samples {
+            Samples::U8(codes) => f32::from(codes[at]),
+            Samples::U16(codes) => f32::from(codes[at]),
+            Samples::F32(values) => values[at],
+        };
         // Lossy compression tints grey a little. A colour map is coloured all over.
         let tint = if self.lossy { 0.15 * full } else { 0.0 };
         let mut coloured = 0;
-        let mut codes: Vec<f32> = values
-            .chunks_exact(channels)
+        let codes: Vec<f32> = (0..self.size[0] as usize * self.size[1] as usize)
             .map(|pixel| {
-                let [r, g, b] = if channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
+                let at = pixel * channels;
+                let [r, g, b] = if channels < 3 { [value(at); 3] } else { [at, at + 1, at + 2].map(value) };
                 coloured += usize::from(r.max(g).max(b) - r.min(g).min(b) > tint);
+                if alpha && value(at + channels - 1) <= 0.0 {
+                    return f32::NAN;
+                }
                 if r == g && g == b { r } else { (0.299 * r + 0.587 * g + 0.114 * b).round() }
             })
             .collect();
@@ -348,9 +411,6 @@ impl Raster {
         if coloured > most {
             let remedy = "give the one grey channel that holds the depth codes, not a coloured preview of it";
             return Err(Error::input(subject, "a depth image in colour has no defined codes", remedy));
-        }
-        for (code, _) in codes.iter_mut().zip(known.iter().flatten()).filter(|(_, known)| !**known) {
-            *code = f32::NAN;
         }
         // Depth codes are not colours, so notes about a colour profile do not matter to them.
         let notes = self.notes.into_iter().filter(|note| !note.starts_with("its colour profile")).collect();

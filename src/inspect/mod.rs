@@ -186,12 +186,12 @@ fn encoding(spec: &crate::panorama::source::PanoramaSpec) -> String {
 }
 
 fn color_facts(frame: &PanoramaFrame) -> ColorFacts {
-    let luminance = |texel: &[f32; 4]| Vec3::new(texel[0], texel[1], texel[2]).dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    let luminance = |texel: [f32; 4]| Vec3::new(texel[0], texel[1], texel[2]).dot(Vec3::new(0.2126, 0.7152, 0.0722));
     // A hundred thousand texels tell the median.
     let step = (frame.radiance.len() / 100_000).max(1);
     let mut some: Vec<f32> = frame.radiance.iter().step_by(step).map(luminance).collect();
     some.sort_by(f32::total_cmp);
-    let largest = frame.radiance.iter().flat_map(|texel| &texel[..3]).fold(0.0_f32, |a, b| a.max(*b));
+    let largest = frame.radiance.iter().fold(0.0_f32, |most, [r, g, b, _]| most.max(r).max(g).max(b));
     let at_largest = frame.radiance.iter().filter(|texel| texel[..3].iter().any(|v| *v >= 0.999 * largest)).count();
     let brightest = frame.radiance.iter().map(luminance).fold(0.0, f32::max);
     ColorFacts {

@@ -79,7 +79,7 @@ fn panel(size: [usize; 2], color: impl Fn(usize, usize) -> [u8; 3]) -> Vec<[u8; 
 fn color_panel(frame: &PanoramaFrame) -> Vec<[u8; 3]> {
     let size = frame.color_size.map(|side| side as usize);
     panel(size, |x, y| {
-        let [r, g, b, _] = frame.radiance[y * size[0] + x];
+        let [r, g, b, _] = frame.radiance.at(y * size[0] + x);
         [r, g, b].map(display_code)
     })
 }

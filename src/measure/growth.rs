@@ -122,7 +122,7 @@ fn step(
     let color_size = [texels, texels / 2];
     let content = PanoramaFrame {
         color_size,
-        radiance: reduce::means(&frame.radiance, frame.color_size, color_size),
+        radiance: reduce::means(&frame.radiance.to_vec(), frame.color_size, color_size),
         ..rays::resample(frame, color_size)?
     };
     let (position, yaw) = (scene.panorama.position, scene.panorama.yaw_degrees);

@@ -254,7 +254,7 @@ pub(super) fn resample(frame: &PanoramaFrame, size: [u32; 2]) -> Result<Panorama
     }
     Ok(PanoramaFrame {
         color_size: [1, 1],
-        radiance: vec![[0.0; 4]],
+        radiance: vec![[0.0; 4]].into(),
         depth_size: size,
         depth,
         quantisation: frame.quantisation,

@@ -28,6 +28,18 @@ pub fn is_video(path: &Path) -> bool {
     has_video_bytes(&first[..read]) || (has_video_name(path) && !is_image(&first[..read]))
 }
 
+/// Says what an AVIF asks for that `ffmpeg` does not do, by the boxes before its pixels.
+fn not_done(path: &Path) -> Option<&'static str> {
+    let mut first = Vec::new();
+    std::fs::File::open(path).ok()?.take(4096).read_to_end(&mut first).ok()?;
+    let has = |name: &[u8]| first.windows(4).take_while(|word| *word != b"mdat").any(|word| word == name);
+    match first.get(8..12)? {
+        b"avif" | b"avis" if has(b"irot") || has(b"imir") => Some("asks to be turned or mirrored, which is not done"),
+        b"avif" | b"avis" if has(b"grid") => Some("is made of tiles, which are not put together"),
+        _ => None,
+    }
+}
+
 fn has_video_name(path: &Path) -> bool {
     const NAMES: [&str; 26] = [
         "mp4", "mov", "m4v", "mkv", "webm", "avi", "ts", "m2ts", "mts", "mpg", "mpeg", "gif", "wmv", "flv", "y4m",
@@ -39,7 +51,8 @@ fn has_video_name(path: &Path) -> bool {
 
 /// Says whether these are the first bytes of a video file.
 pub fn has_video_bytes(bytes: &[u8]) -> bool {
-    let still = [&b"avif"[..], b"avis", b"heic", b"heix", b"mif1"];
+    // An AVIF is read as a video of one frame. A HEIC of a phone is made of tiles, which ffmpeg does not put together.
+    let still = [&b"heic"[..], b"heix", b"mif1"];
     (bytes.get(4..8) == Some(b"ftyp") && bytes.get(8..12).is_none_or(|brand| !still.contains(&brand)))
         || bytes.starts_with(&[0x1a, 0x45, 0xdf, 0xa3])
         || (bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"AVI "))

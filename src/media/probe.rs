@@ -106,6 +106,10 @@ impl VideoInfo {
         if metadata.len() == 0 {
             return Err(Error::input(&subject, "the file is empty", "write it again"));
         }
+        if let Some(problem) = super::not_done(path) {
+            let remedy = "convert it, as with: avifdec picture.avif picture.png (of libavif)";
+            return Err(Error::input(&subject, problem, remedy));
+        }
         let broken = "the file is damaged or cut off: copy it again, or convert it with ffmpeg";
         let mut ask = tool::command("ffprobe");
         ask.args(["-print_format", "json", "-show_format", "-show_streams"]).arg(tool::local(path));

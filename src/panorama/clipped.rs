@@ -89,11 +89,13 @@ impl Clipped {
             return;
         }
         let size = frame.color_size;
-        frame.radiance.par_iter_mut().enumerate().for_each(|(at, texel)| {
-            if is_clipped(texel, white) {
-                let factor = self.factor(texel_direction(at as u32 % size[0], at as u32 / size[0], size).as_vec3());
-                texel[3] = factor;
-            }
+        frame.radiance.change(|first, texels| {
+            texels.par_iter_mut().enumerate().for_each(|(index, texel)| {
+                if is_clipped(texel, white) {
+                    let at = (first + index) as u32;
+                    texel[3] = self.factor(texel_direction(at % size[0], at / size[0], size).as_vec3());
+                }
+            });
         });
     }
 }
@@ -127,11 +129,16 @@ struct Receiver {
     lamps: Vec<f32>,
 }
 
+/// Estimates the factors of the clipped lamps of a frame, if any can be.
+pub(super) fn estimate_of(frame: &PanoramaFrame) -> Clipped {
+    frame.white.map_or_else(Clipped::default, |white| estimate(frame, white))
+}
+
 /// Estimates the factors of a frame's clipped lamps. `white` is the radiance at which it clips.
 pub fn estimate(frame: &PanoramaFrame, white: f32) -> Clipped {
-    let groups = groups(frame, white);
-    let clipped = frame.radiance.iter().filter(|texel| is_clipped(texel, white)).count();
+    let clipped = frame.radiance.par_iter().filter(|texel| is_clipped(texel, white)).count();
     let share = clipped as f32 / frame.radiance.len().max(1) as f32;
+    let groups = if clipped > 0 { groups(frame, white) } else { Vec::new() };
     if groups.is_empty() {
         return Clipped { lamps: Vec::new(), share };
     }
@@ -142,7 +149,7 @@ pub fn estimate(frame: &PanoramaFrame, white: f32) -> Clipped {
     let mut own = vec![false; frame.radiance.len()];
     groups.iter().flat_map(|group| &group.texels).for_each(|at| own[*at as usize] = true);
     let bright = BRIGHT * mean_luminance(frame);
-    let is_lamp = |at: usize| own[at] || luminance(&frame.radiance[at]) > bright;
+    let is_lamp = |at: usize| own[at] || luminance(&frame.radiance.at(at)) > bright;
     let others: Vec<u32> = (0..own.len()).filter(|at| !own[*at] && is_lamp(*at)).map(|at| at as u32).collect();
     sets.push(emitters(frame, &cloud, &others, BRIGHT_POINTS));
     let receivers = receivers(frame, &cloud, &is_lamp, white, &sets);
@@ -169,7 +176,7 @@ fn texel_angle(row: u32, size: [u32; 2]) -> f32 {
 /// The clipped texels that touch each other.
 fn groups(frame: &PanoramaFrame, white: f32) -> Vec<Group> {
     let size = frame.color_size;
-    let mut left: Vec<bool> = frame.radiance.par_iter().map(|texel| is_clipped(texel, white)).collect();
+    let mut left: Vec<bool> = frame.radiance.par_iter().map(|texel| is_clipped(&texel, white)).collect();
     let mut groups = Vec::new();
     for first in 0..left.len() {
         if !std::mem::take(&mut left[first]) {
@@ -214,7 +221,7 @@ fn emitters(frame: &PanoramaFrame, cloud: &Cloud, texels: &[u32], most: usize) -
     // Evenly over the texels: each stands for its neighbours.
     let step = texels.len().div_ceil(most).max(1);
     let chosen: Vec<u32> = texels.iter().copied().skip(step / 2).step_by(step).collect();
-    let weight = |at: u32| texel_angle(at / size[0], size) * luminance(&frame.radiance[at as usize]);
+    let weight = |at: u32| texel_angle(at / size[0], size) * luminance(&frame.radiance.at(at as usize));
     let whole: f32 = texels.iter().map(|at| weight(*at)).sum();
     let sum: f32 = chosen.iter().map(|at| weight(*at)).sum();
     let emitter = |at: &u32| {
@@ -295,7 +302,7 @@ fn receivers(
             if is_lamp(at) {
                 return None;
             }
-            let [r, g, b, _] = frame.radiance[at];
+            let [r, g, b, _] = frame.radiance.at(at);
             sum += vec3(r, g, b) / 16.0;
         }
         Some(sum)
@@ -336,7 +343,7 @@ fn receivers(
             let d = x * (u.sqrt() * cos) + y * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
             let met = texel(meets(cloud, from, d));
             if !is_lamp(met) {
-                base += luminance(&frame.radiance[met]);
+                base += luminance(&frame.radiance.at(met));
             }
         }
         let luminance = seen.dot(vec3(0.2126, 0.7152, 0.0722));

@@ -60,9 +60,9 @@ impl Default for Rule {
 
 impl Rule {
     /// Returns the radial metres of each code of an image of `size`. 0 is a hole.
-    pub fn metres(&self, codes: &[f32], size: [u32; 2]) -> Vec<f32> {
-        let metres = |(index, code): (usize, &f32)| {
-            let code = f64::from(*code);
+    pub fn metres(&self, mut codes: Vec<f32>, size: [u32; 2]) -> Vec<f32> {
+        let metres = |index: usize, code: f32| {
+            let code = f64::from(code);
             if self.invalid.contains(&code) {
                 return 0.0;
             }
@@ -78,7 +78,8 @@ impl Rule {
             let metres = metres as f32;
             if metres.is_finite() && metres > 0.0 { metres } else { 0.0 }
         };
-        codes.par_iter().enumerate().map(metres).collect()
+        codes.par_iter_mut().enumerate().for_each(|(index, code)| *code = metres(index, *code));
+        codes
     }
 
     /// Returns the code spacing of integer images.
@@ -156,15 +157,21 @@ mod tests {
     #[test]
     fn codes_become_metres_and_bad_ones_holes() {
         let codes = [0.0, 1.0, 4.0, -3.0, f32::NAN, f32::INFINITY];
-        assert_eq!(rule(DepthEncoding::Radial, 0.5, 1.0).metres(&codes, [6, 1]), [0.0, 1.0, 2.5, 0.0, 0.0, 0.0]);
-        assert_eq!(rule(DepthEncoding::Disparity, 6.0, -1.0).metres(&codes, [6, 1]), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
+        assert_eq!(
+            rule(DepthEncoding::Radial, 0.5, 1.0).metres(codes.to_vec(), [6, 1]),
+            [0.0, 1.0, 2.5, 0.0, 0.0, 0.0]
+        );
+        assert_eq!(
+            rule(DepthEncoding::Disparity, 6.0, -1.0).metres(codes.to_vec(), [6, 1]),
+            [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]
+        );
     }
 
     #[test]
     fn planar_depth_of_a_cube_is_constant() {
         let size = [32, 16];
         let cube = box_depth(size, Vec3::splat(4.0), Vec3::ZERO, 0.0);
-        let planar = rule(DepthEncoding::Planar, 2.0, 0.0).metres(&vec![1.0; 512], size);
+        let planar = rule(DepthEncoding::Planar, 2.0, 0.0).metres(vec![1.0; 512], size);
         assert!(cube.iter().zip(&planar).all(|(a, b)| (a - b).abs() < 1e-5));
     }
 

@@ -6,22 +6,24 @@ use super::{
     level::Levelling,
     packing::{halves, unpack},
     pattern::Pattern,
-    reduce,
+    reduce::{self, Means},
     source::{DepthSource, Packing, PanoramaFrame, PanoramaSpec},
+    texels::{self, Texels},
     tone,
 };
 use crate::{
-    Error, Result,
-    image_file::{CodeImage, ColorImage, FileImage, layers::Taken, srgb::srgb_to_linear},
+    Error, Result, budget,
+    image_file::{CodeImage, ColorImage, layers::Taken, read, rows::Rows, srgb::srgb_to_linear},
     media::{VideoInfo, planes::Part},
 };
 use glam::Vec3;
+use half::f16;
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 
 /// A picture of colour, of depth or of both, as it was read.
 pub(super) enum Picture {
-    File { subject: String, image: FileImage },
+    File { subject: String, path: PathBuf },
     Video { subject: String, info: Arc<VideoInfo>, codes: Arc<Vec<u8>> },
 }
 
@@ -33,30 +35,36 @@ impl Picture {
     }
 
     /// Returns the colour, and the depth codes if it holds both.
-    fn color(self, spec: &PanoramaSpec) -> Result<(ColorImage, Option<CodeImage>)> {
-        match self {
-            Self::File { subject, image } if spec.packing == Packing::Separate => {
-                Ok((image.color_of(spec.color_layer.as_deref(), &subject)?, None))
+    fn color(self, spec: &PanoramaSpec) -> Result<(Colors, Option<CodeImage>)> {
+        let (color, packed) = match self {
+            Self::File { subject, path } if spec.packing == Packing::Separate => {
+                if !spec.cubes[0] && !cube::has_faces(&path) {
+                    return Ok((Colors::Rows(Rows::open(&path, spec.color_layer.as_deref())?), None));
+                }
+                (cube::read(&path)?.color_of(spec.color_layer.as_deref(), &subject)?, None)
             }
-            Self::File { subject, image } => {
-                let (color, codes) = unpack(image, spec.packing, &subject)?;
-                Ok((color, Some(codes)))
+            Self::File { subject, path } => {
+                let (color, codes) = unpack(cube::read(&path)?, spec.packing, &subject)?;
+                (color, Some(codes))
             }
             Self::Video { subject, info, codes } => {
                 no_layer(spec.color_layer.as_deref(), &subject)?;
                 let planes = info.planes(&codes);
                 if spec.packing == Packing::Separate {
-                    return Ok((planes.color(Part::whole(info.size)), None));
+                    (planes.color(Part::whole(info.size)), None)
+                } else {
+                    let [color, depth] = halves(info.size, spec.packing, &subject)?;
+                    (planes.color(color), Some(planes.codes(depth, &subject)?))
                 }
-                let [color, depth] = halves(info.size, spec.packing, &subject)?;
-                Ok((planes.color(color), Some(planes.codes(depth, &subject)?)))
             }
-        }
+        };
+        Ok((Colors::Image(color), packed))
     }
 
     fn codes(self, layer: Option<&str>) -> Result<CodeImage> {
         match self {
-            Self::File { subject, image } => image.codes_of(layer, &subject),
+            Self::File { subject, path } if cube::has_faces(&path) => cube::read(&path)?.codes_of(layer, &subject),
+            Self::File { path, .. } => read::codes(&path, layer),
             Self::Video { subject, info, codes } => {
                 no_layer(layer, &subject)?;
                 info.planes(&codes).codes(Part::whole(info.size), &subject)
@@ -72,6 +80,12 @@ fn no_layer(layer: Option<&str>, subject: &str) -> Result<()> {
     }
 }
 
+/// The colours of a picture: of a file, of which only the header is read, or all.
+enum Colors {
+    Rows(Rows),
+    Image(ColorImage),
+}
+
 /// Makes a frame from what was read. `number` is that of a file or of a video's frame, and
 /// `is_first` says that it is the first one of the panorama. Returns also the picture's size in the file.
 pub(super) fn make_frame(
@@ -84,23 +98,24 @@ pub(super) fn make_frame(
     let subject = color.subject().to_owned();
     let of_video = matches!(color, Picture::Video { .. });
     let mut warnings = Vec::new();
-    let (mut color, mut packed) = color.color(spec)?;
-    if spec.cubes[0] {
-        color = cube::color(color, &subject)?;
-    }
+    ask_device(&color, depth.as_ref(), spec)?;
+    let (color, mut packed) = color.color(spec)?;
+    let color = match color {
+        Colors::Image(image) if spec.cubes[0] => Colors::Image(cube::color(image, &subject)?),
+        other => other,
+    };
     if spec.cubes[1] {
         packed = packed.map(|codes| cube::codes(codes, &subject)).transpose()?;
     }
-    let mut taken = [color.taken.as_ref().map(|taken| taken.note("color")), None];
-    let color = finish_color(color, spec, &subject, &mut warnings)?;
-    let picture_size = color.size;
-    let mut color = reduce::color(color);
+    let mut color = mended(color, spec, &subject, &mut warnings)?;
+    let mut taken = [color.taken.take(), None];
+    let picture_size = color.picture_size;
 
     let rule = &spec.rule;
     let from_codes = |codes: CodeImage| {
         let codes = reduce::codes(codes);
         let quantisation = if codes.integer { rule.quantisation() } else { Quantisation::None };
-        (codes.size, rule.metres(&codes.codes, codes.size), quantisation)
+        (codes.size, rule.metres(codes.codes, codes.size), quantisation)
     };
     if let Some(mask) = &spec.mask {
         let mask = Pattern::parse(mask)?.file(number);
@@ -118,8 +133,12 @@ pub(super) fn make_frame(
     let size = color.size;
     let mut depth_subject = subject.clone();
     let (depth_size, mut depth, quantisation) = match (&spec.depth, depth, packed) {
-        (DepthSource::Sphere(radius), ..) => (size, vec![*radius; color.texels.len()], Quantisation::None),
+        (DepthSource::Sphere(radius), ..) => {
+            let size = computed(size);
+            (size, vec![*radius; size[0] as usize * size[1] as usize], Quantisation::None)
+        }
         (DepthSource::Box { size: extent, center }, ..) => {
+            let size = computed(size);
             let depth = box_depth(size, *extent, *center - spec.position, f64::from(spec.yaw_degrees));
             (size, depth, Quantisation::None)
         }
@@ -187,35 +206,37 @@ fn coarse(codes: &CodeImage, rule: &Rule) -> Option<String> {
 }
 
 /// Marks texels as unknown where a mask is dark.
-fn forget_masked(color: &mut ColorImage, mask: &ColorImage) {
+fn forget_masked(color: &mut Mended, mask: &ColorImage) {
     let [width, height] = color.size.map(|side| side as usize);
     let place = |at: usize, from: usize, to: u32| (2 * at + 1) * to as usize / (2 * from);
-    for (index, texel) in color.texels.iter_mut().enumerate() {
-        let (x, y) = (place(index % width, width, mask.size[0]), place(index / width, height, mask.size[1]));
-        let [r, g, b, known] = mask.texels[y * mask.size[0] as usize + x];
-        if known == 0.0 || r + g + b < 1.5 * srgb_to_linear(0.5) {
-            texel[3] = 0.0;
+    color.texels.change(|first, texels| {
+        for (index, texel) in texels.iter_mut().enumerate() {
+            let at = first + index;
+            let (x, y) = (place(at % width, width, mask.size[0]), place(at / width, height, mask.size[1]));
+            let [r, g, b, known] = mask.texels[y * mask.size[0] as usize + x];
+            if known == 0.0 || r + g + b < 1.5 * srgb_to_linear(0.5) {
+                texel[3] = 0.0;
+            }
         }
-    }
+    });
 }
 
 /// Makes texels of which nothing is known black, and holes in the depth. Returns how many there are.
-fn forget_unknown(color: &mut ColorImage, depth_size: [u32; 2], depth: &mut [f32]) -> usize {
+fn forget_unknown(color: &mut Mended, depth_size: [u32; 2], depth: &mut [f32]) -> usize {
     let [width, height] = color.size.map(|side| side as usize);
-    let unknown: Vec<bool> = color.texels.iter().map(|texel| texel[3] == 0.0).collect();
-    let count = unknown.iter().filter(|unknown| **unknown).count();
+    let count = color.texels.par_iter().filter(|texel| texel[3] == 0.0).count();
     if count > 0 {
         let columns = depth_size[0] as usize;
         for (index, metres) in depth.iter_mut().enumerate() {
             let column = (index % columns * 2 + 1) * width / (2 * columns);
             let row = (index / columns * 2 + 1) * height / (2 * depth_size[1] as usize);
-            if unknown[row * width + column] {
+            if color.texels.at(row * width + column)[3] == 0.0 {
                 *metres = 0.0;
             }
         }
-        for texel in color.texels.iter_mut().filter(|texel| texel[3] == 0.0) {
-            *texel = [0.0, 0.0, 0.0, 1.0];
-        }
+        color.texels.change(|_, texels| {
+            texels.iter_mut().filter(|texel| texel[3] == 0.0).for_each(|texel| *texel = [0.0, 0.0, 0.0, 1.0]);
+        });
     }
     count
 }
@@ -227,45 +248,154 @@ fn check_aspect(size: [u32; 2], subject: &str, warnings: &mut Vec<String>) {
     }
 }
 
-/// Mends bad texels, raises saturated ones, and applies the exposure.
-fn finish_color(
-    mut color: ColorImage,
-    spec: &PanoramaSpec,
-    subject: &str,
-    warnings: &mut Vec<String>,
-) -> Result<ColorImage> {
-    check_aspect(color.size, subject, warnings);
-    tell(&color.notes, color.taken.as_ref(), "color", subject, warnings);
-    // Half precision overflows to infinity, so that is what was brightest.
-    let finite = |texel: &[f32; 4]| texel[..3].iter().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
-    let brightest = color.texels.par_iter().map(finite).reduce(|| f32::from(half::f16::MAX), f32::max);
-    let (ldr, texels) = (color.ldr, &mut color.texels);
-    let mended = |texel: &mut [f32; 4]| -> [usize; 3] {
-        if texel[3] <= 0.0 {
-            return [0; 3];
+/// The size of depth that is computed for a picture of this size. It is smooth, so it need not be as large.
+fn computed([width, height]: [u32; 2]) -> [u32; 2] {
+    let by = width.div_ceil(4096).max(1);
+    [width.div_ceil(by), height.div_ceil(by)]
+}
+
+/// Refuses pictures that the device cannot hold, by what their headers say.
+fn ask_device(color: &Picture, depth: Option<&Picture>, spec: &PanoramaSpec) -> Result<()> {
+    let plain = spec.packing == Packing::Separate;
+    let ask = |picture: &Picture, bytes: &dyn Fn(u64) -> u64| match picture {
+        Picture::File { subject, path } if plain && !cube::has_faces(path) => {
+            let size = Rows::size(path)?.map(|size| reduce::reduced(size).unwrap_or(size));
+            let texels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
+            size.map_or(Ok(()), |size| budget::ask_device(subject, size, bytes(texels(size))))
         }
-        let rgb = [texel[0], texel[1], texel[2]];
-        let (overflowed, negative) = (rgb.contains(&f32::INFINITY), rgb.iter().any(|value| *value < 0.0));
-        let mut radiance = Vec3::from(rgb.map(|value| if value == f32::INFINITY { brightest } else { value.max(0.0) }));
-        if ldr {
-            radiance = tone::expand(radiance, spec.inverse_tonemap);
-        }
-        // The product must stay finite, too.
-        let [r, g, b] = (radiance * spec.exposure).min(Vec3::splat(f32::MAX)).to_array();
-        *texel = [r, g, b, 1.0];
-        [1, usize::from(overflowed), usize::from(negative)]
+        _ => Ok(()),
     };
-    let sum = |a: [usize; 3], b: [usize; 3]| std::array::from_fn(|i| a[i] + b[i]);
-    let [known, overflowed, negative] = texels.par_iter_mut().map(mended).reduce(|| [0; 3], sum);
-    if known == 0 {
-        return Err(Error::input(subject, "holds no finite pixel", "write the image again"));
+    // On the device both are 32-bit floats.
+    ask(color, &|count| 16 * count)?;
+    depth.map_or(Ok(()), |depth| ask(depth, &|count| 4 * count))
+}
+
+/// Bytes that reading a picture takes beside what is kept of it.
+const READING: u64 = 64 << 20;
+
+/// Colours without bad texels.
+struct Mended {
+    size: [u32; 2],
+    texels: Texels,
+    ldr: bool,
+    /// Which channels of an EXR they are.
+    taken: Option<String>,
+    /// Width and height before they were reduced.
+    picture_size: [u32; 2],
+}
+
+/// Reads colours, mends bad texels, raises saturated ones, applies the exposure, and makes the picture as small as is asked.
+fn mended(mut colors: Colors, spec: &PanoramaSpec, subject: &str, warnings: &mut Vec<String>) -> Result<Mended> {
+    let (from, ldr, notes, taken) = match &mut colors {
+        Colors::Rows(Rows { size, ldr, notes, taken, .. })
+        | Colors::Image(ColorImage { size, ldr, notes, taken, .. }) => {
+            (*size, *ldr, std::mem::take(notes), taken.take())
+        }
+    };
+    check_aspect(from, subject, warnings);
+    tell(&notes, taken.as_ref(), "color", subject, warnings);
+    let size = reduce::reduced(from).unwrap_or(from);
+    let mut mending = Mending { spec, ldr, half: texels::is_half(size), counts: [0; 4], brightest: 0.0 };
+    let mut means = (size != from).then(|| Means::new(from, size));
+    let texels = match (colors, &mut means) {
+        (Colors::Rows(rows), means) => {
+            let kept = texels::bytes(u64::from(size[0]) * u64::from(size[1]));
+            budget::ask(subject, rows.held.max(kept) + READING)?;
+            let mut texels = Texels::blank(if means.is_none() { size[0] as usize * size[1] as usize } else { 0 });
+            rows.each(&mut |row, strip| {
+                mending.mend(strip);
+                match means {
+                    Some(means) => means.add(row, strip),
+                    None => texels.write(row as usize * size[0] as usize, strip),
+                }
+            })?;
+            texels
+        }
+        (Colors::Image(mut image), None) => {
+            mending.mend(&mut image.texels);
+            image.texels.into()
+        }
+        (Colors::Image(mut image), Some(means)) => {
+            mending.mend(&mut image.texels);
+            means.add(0, &image.texels);
+            Texels::default()
+        }
+    };
+    let brightest = mending.end(subject, warnings)?;
+    let texels = match (means, brightest) {
+        (Some(means), brightest) => means.end(brightest.unwrap_or(0.0)),
+        (None, None) => texels,
+        (None, Some(brightest)) => {
+            let mut texels = texels;
+            let finite = |value: f32| if value.is_finite() { value } else { brightest };
+            texels.change(|_, all| all.par_iter_mut().for_each(|texel| *texel = texel.map(finite)));
+            texels
+        }
+    };
+    Ok(Mended { size, texels, ldr, taken: taken.map(|taken| taken.note("color")), picture_size: from })
+}
+
+/// Mends texels, and counts what it met.
+struct Mending<'a> {
+    spec: &'a PanoramaSpec,
+    ldr: bool,
+    /// Whether the texels are kept as 16-bit floats.
+    half: bool,
+    counts: Counts,
+    /// The largest finite value of the file.
+    brightest: f32,
+}
+
+/// How many texels are known, infinite and negative, and too bright to be kept as they are.
+type Counts = [usize; 4];
+
+impl Mending<'_> {
+    /// Mends texels. Infinite values stay what they are.
+    fn mend(&mut self, texels: &mut [[f32; 4]]) {
+        let (spec, ldr, most) = (self.spec, self.ldr, if self.half { f16::MAX.to_f32() } else { f32::MAX });
+        let mend = |texel: &mut [f32; 4]| -> (Counts, f32) {
+            let rgb = [texel[0], texel[1], texel[2]];
+            let brightest = rgb.into_iter().filter(|value| value.is_finite()).fold(0.0, f32::max);
+            if texel[3] <= 0.0 {
+                *texel = [0.0; 4];
+                return ([0; 4], brightest);
+            }
+            let (infinite, negative) = (rgb.contains(&f32::INFINITY), rgb.iter().any(|value| *value < 0.0));
+            let mut radiance = Vec3::from(rgb.map(|value| value.max(0.0)));
+            if ldr {
+                radiance = tone::expand(radiance, spec.inverse_tonemap);
+            }
+            // The product must stay finite, too.
+            let shown = (radiance * spec.exposure).min(Vec3::splat(f32::MAX)).to_array();
+            let [r, g, b] = std::array::from_fn(|c| if rgb[c] == f32::INFINITY { rgb[c] } else { shown[c] });
+            *texel = [r, g, b, 1.0];
+            let dimmed = [r, g, b].iter().any(|value| value.is_finite() && *value > most);
+            ([1, usize::from(infinite), usize::from(negative), usize::from(dimmed)], brightest)
+        };
+        let both = |a: (Counts, f32), b: (Counts, f32)| (std::array::from_fn(|i| a.0[i] + b.0[i]), a.1.max(b.1));
+        let all = texels.par_iter_mut().map(mend).reduce(|| ([0; 4], 0.0), both);
+        (self.counts, self.brightest) = both((self.counts, self.brightest), all);
     }
-    if negative > 0 {
-        warnings.push(format!("{subject}: {negative} texels with negative radiance were set to 0 there"));
+
+    /// Tells what was met. Returns what infinite values become, if there are any: half precision overflows to infinity, so
+    /// that is what was brightest.
+    fn end(&self, subject: &str, warnings: &mut Vec<String>) -> Result<Option<f32>> {
+        let [known, infinite, negative, dimmed] = self.counts;
+        if known == 0 {
+            return Err(Error::input(subject, "holds no finite pixel", "write the image again"));
+        }
+        if negative > 0 {
+            warnings.push(format!("{subject}: {negative} texels with negative radiance were set to 0 there"));
+        }
+        if dimmed > 0 {
+            let problem = "are brighter than 65504, the most that a panorama of more than 4096x2048 texels holds";
+            warnings.push(format!("{subject}: {dimmed} texels {problem} (give --panorama-size 4096, or an exposure)"));
+        }
+        let brightest = self.brightest.max(f16::MAX.to_f32());
+        if infinite > 0 {
+            let problem = format!("{infinite} texels with infinite radiance were set to {brightest}");
+            warnings.push(format!("{subject}: {problem}, the brightest finite value"));
+        }
+        Ok((infinite > 0).then(|| (brightest * self.spec.exposure).min(f32::MAX)))
     }
-    if overflowed > 0 {
-        let problem = format!("{overflowed} texels with infinite radiance were set to {brightest}");
-        warnings.push(format!("{subject}: {problem}, the brightest finite value"));
-    }
-    Ok(color)
 }

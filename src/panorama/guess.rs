@@ -17,7 +17,7 @@ pub struct Guess {
 }
 
 fn cloud(codes: &CodeImage, rule: &Rule) -> Cloud {
-    let depth = rule.metres(&codes.codes, codes.size);
+    let depth = rule.metres(codes.codes.clone(), codes.size);
     let frame = PanoramaFrame { depth_size: codes.size, depth, ..PanoramaFrame::default() };
     Cloud::of(&frame, 0.0)
 }

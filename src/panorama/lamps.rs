@@ -186,7 +186,7 @@ impl<'a> Scan<'a> {
     }
 
     fn luminance(&self, texel: u32) -> f32 {
-        luminance(&self.frame.radiance[texel as usize])
+        luminance(&self.frame.radiance.at(texel as usize))
     }
 
     fn seen(&self, texel: u32) -> Seen {
@@ -196,7 +196,7 @@ impl<'a> Scan<'a> {
     /// Texels that may be a lamp's, the brightest first.
     fn seeds(&self) -> Vec<u32> {
         let least = (ABOVE_MEAN * self.mean) as f32;
-        let all = self.frame.radiance.par_iter().enumerate().map(|(at, texel)| (luminance(texel), at as u32));
+        let all = self.frame.radiance.par_iter().enumerate().map(|(at, texel)| (luminance(&texel), at as u32));
         let mut seeds: Vec<(f32, u32)> = all.filter(|(l, _)| *l > least && *l > 0.0).collect();
         seeds.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         seeds.into_iter().map(|(_, at)| at).collect()
@@ -338,7 +338,7 @@ impl<'a> Scan<'a> {
         }
 
         let radiance = |at: u32| {
-            let [r, g, b, factor] = self.frame.radiance[at as usize];
+            let [r, g, b, factor] = self.frame.radiance.at(at as usize);
             f64::from(factor) * DVec3::new(f64::from(r), f64::from(g), f64::from(b))
         };
         let around = behind.iter().map(|at| radiance(*at)).sum::<DVec3>() / behind.len() as f64;

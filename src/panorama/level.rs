@@ -3,6 +3,7 @@
 use super::{
     mapping::{coordinates, texel_direction, wrap},
     source::PanoramaSpec,
+    texels::Texels,
 };
 use glam::{DQuat, Quat, Vec3, Vec4};
 use rayon::prelude::*;
@@ -41,10 +42,10 @@ impl Levelling {
     }
 
     /// Returns a level picture, bilinear. A texel with an unknown neighbour (alpha 0) is unknown.
-    pub fn radiance(&self, size: [u32; 2], texels: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    pub fn radiance(&self, size: [u32; 2], texels: &Texels) -> Texels {
         let texel = |column: f64, row: f64| {
             let (x, y) = wrap(column as i64, row as i64, size);
-            Vec4::from(texels[y as usize * size[0] as usize + x as usize])
+            Vec4::from(texels.at(y as usize * size[0] as usize + x as usize))
         };
         let level = |index: usize| {
             let [x, y] = self.place(index, size);
@@ -54,7 +55,7 @@ impl Levelling {
             let mixed = upper.lerp(texel(left, top + 1.0).lerp(texel(left + 1.0, top + 1.0), fx), fy);
             if mixed.w > 0.999 { mixed.truncate().extend(1.0).to_array() } else { [0.0; 4] }
         };
-        (0..texels.len()).into_par_iter().map(level).collect()
+        Texels::make(texels.len(), level)
     }
 
     /// Returns level depth. It is taken from the nearest texel, as a mean over an edge is nowhere.

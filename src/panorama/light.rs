@@ -11,9 +11,10 @@ pub const CELLS: [u32; 2] = [256, 128];
 /// Returns the mean luminance over all directions.
 pub fn mean_luminance(frame: &PanoramaFrame) -> f32 {
     let [width, height] = frame.color_size.map(|side| side as usize);
-    let rows = frame.radiance.par_chunks_exact(width).enumerate().map(|(y, row)| {
+    let rows = (0..height).into_par_iter().map(|y| {
         let weight = (PI * (y as f64 + 0.5) / height as f64).sin();
-        [weight, weight * row.iter().map(luminance).sum::<f64>() / width as f64]
+        let row = (y * width..(y + 1) * width).map(|at| luminance(&frame.radiance.at(at)));
+        [weight, weight * row.sum::<f64>() / width as f64]
     });
     let rows: Vec<[f64; 2]> = rows.collect(); // summed in order, so that the sum is always the same
     let [weight, sum] = rows.iter().fold([0.0; 2], |sum, row| [sum[0] + row[0], sum[1] + row[1]]);
@@ -47,7 +48,7 @@ pub fn light_share(frame: &PanoramaFrame) -> f64 {
     let texel = |x: i64, y: i64| {
         // Beyond a pole lies the opposite meridian.
         let (x, y) = if (0..rows).contains(&y) { (x, y) } else { (x + columns / 2, (2 * rows - 1 - y) % (2 * rows)) };
-        luminance(&frame.radiance[(y * columns + x.rem_euclid(columns)) as usize])
+        luminance(&frame.radiance.at((y * columns + x.rem_euclid(columns)) as usize))
     };
     let mut cells = Vec::with_capacity((CELLS[0] * CELLS[1]) as usize);
     for row in 0..CELLS[1] {
@@ -69,6 +70,7 @@ pub fn light_share(frame: &PanoramaFrame) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::panorama::texels::Texels;
 
     fn panorama(radiance: impl Fn(u32) -> f32) -> PanoramaFrame {
         let size = [64, 32];
@@ -91,8 +93,8 @@ mod tests {
         // the light.
         let mut panorama = panorama(|_| 0.0);
         panorama.color_size = CELLS;
-        panorama.radiance = vec![[0.0; 4]; (CELLS[0] * CELLS[1]) as usize];
-        panorama.radiance[(64 * CELLS[0]) as usize] = [1.0; 4];
+        panorama.radiance = Texels::blank((CELLS[0] * CELLS[1]) as usize);
+        panorama.radiance.set((64 * CELLS[0]) as usize, [1.0; 4]);
         let sphere = 4.0 * PI;
         let cell = TAU / f64::from(CELLS[0]) * (PI / f64::from(CELLS[1])).sin();
         let mean = cell / sphere;

@@ -63,7 +63,7 @@ pub fn bilinear(frame: &PanoramaFrame, direction: Vec3) -> Vec3 {
     let weight = (place - corner).as_vec2();
     let texel = |dx: i64, dy: i64| {
         let (column, row) = wrap(corner.x as i64 + dx, corner.y as i64 + dy, frame.color_size);
-        let [r, g, b, _] = frame.radiance[row as usize * width as usize + column as usize];
+        let [r, g, b, _] = frame.radiance.at(row as usize * width as usize + column as usize);
         Vec3::new(r, g, b)
     };
     let upper = texel(0, 0).lerp(texel(1, 0), weight.x);

@@ -16,5 +16,6 @@ pub mod reduce;
 pub mod room;
 pub mod source;
 pub mod stream;
+pub mod texels;
 pub mod tone;
 mod tracks;

@@ -5,6 +5,7 @@ use super::{
     depth::{Quantisation, Rule},
     packing::halves,
     stream::Stream,
+    texels::Texels,
     tone,
     tracks::Plan,
 };
@@ -25,7 +26,7 @@ pub struct PanoramaFrame {
     pub color_size: [u32; 2],
     /// Linear Rec. 709, finite and ≥ 0. Exposure and inverse tone mapping are applied. Alpha is by how much
     /// more a texel shines than it shows: 1, or the factor of a clipped lamp.
-    pub radiance: Vec<[f32; 4]>,
+    pub radiance: Texels,
     /// The radiance at which the capture clips; `None` if it does not.
     pub white: Option<f32>,
     /// Width and height of `depth`. They may differ from the colour's.
@@ -131,22 +132,21 @@ pub struct PanoramaSource {
     pub inverse_tonemap: f32,
     /// How bright clipped lamps are.
     pub lamps: LampRule,
-    /// What [`LampRule::Estimate`] found in the first frame.
-    clipped: Arc<OnceLock<Clipped>>,
     /// What is unusual about the sequence. Each frame has warnings of its own.
     pub warnings: Vec<String>,
 }
 
 #[derive(Clone, Debug)]
 enum FrameSource {
-    Memory(Arc<Vec<Arc<PanoramaFrame>>>),
+    /// Frames, and what [`LampRule::Estimate`] found in the first one.
+    Memory(Arc<Vec<Arc<PanoramaFrame>>>, Arc<OnceLock<Clipped>>),
     Files(Arc<Stream>),
 }
 
 impl PanoramaFrame {
     /// Bytes that it takes in memory.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.radiance[..]) + size_of_val(&self.depth[..])
+        self.radiance.bytes().len() + size_of_val(&self.depth[..])
     }
 }
 
@@ -163,13 +163,12 @@ impl PanoramaSource {
             return Err(Error::input("panorama", problem, "give width × height texels"));
         }
         Ok(Self {
-            frames: FrameSource::Memory(Arc::new(frames.into_iter().map(Arc::new).collect())),
+            frames: FrameSource::Memory(Arc::new(frames.into_iter().map(Arc::new).collect()), Arc::default()),
             fps,
             position,
             yaw_degrees,
             inverse_tonemap: 1.0,
             lamps: LampRule::Estimate,
-            clipped: Arc::default(),
             warnings: Vec::new(),
         })
     }
@@ -187,7 +186,7 @@ impl PanoramaSource {
     fn plan(&self) -> Option<&Plan> {
         match &self.frames {
             FrameSource::Files(stream) => Some(stream.plan()),
-            FrameSource::Memory(_) => None,
+            FrameSource::Memory(..) => None,
         }
     }
 
@@ -247,15 +246,15 @@ impl PanoramaSource {
         let mut warnings = Vec::new();
         let plan = Plan::of(spec, &mut warnings)?;
         let PanoramaSpec { position, yaw_degrees, inverse_tonemap, lamps, .. } = *plan.spec;
-        let (fps, clipped) = (plan.fps, Arc::default());
+        let fps = plan.fps;
         let frames = FrameSource::Files(Arc::new(Stream::new(plan)));
-        Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, lamps, clipped, warnings })
+        Ok(Self { frames, fps, position, yaw_degrees, inverse_tonemap, lamps, warnings })
     }
 
     /// Returns the number of frames, at least 1.
     pub fn frame_count(&self) -> usize {
         match &self.frames {
-            FrameSource::Memory(frames) => frames.len(),
+            FrameSource::Memory(frames, _) => frames.len(),
             FrameSource::Files(stream) => stream.plan().picks.len(),
         }
     }
@@ -283,48 +282,42 @@ impl PanoramaSource {
     /// # Errors
     /// Fails if a file cannot be read or used.
     pub fn load(&self, index: usize) -> Result<Arc<PanoramaFrame>> {
-        let mut frame = self.read(index)?;
-        if let Some(white) = frame.white {
-            let clipped = self.clipped(&frame, index)?;
-            if clipped.raises() {
-                clipped.raise(Arc::make_mut(&mut frame), white);
-            }
-        }
-        Ok(frame)
-    }
-
-    /// Returns what is known of the clipped lamps. `frame` is frame `index`.
-    fn clipped(&self, frame: &PanoramaFrame, index: usize) -> Result<Clipped> {
-        Ok(match self.lamps {
-            LampRule::AsCaptured => Clipped::default(),
-            LampRule::Factor(factor) => Clipped::even(factor),
-            LampRule::Estimate => match self.clipped.get() {
-                Some(known) => known.clone(),
-                None => {
-                    let first = if index == 0 { None } else { Some(self.read(0)?) };
-                    let first: &PanoramaFrame = first.as_deref().unwrap_or(frame);
-                    let found = first.white.map_or_else(Clipped::default, |white| clipped::estimate(first, white));
-                    self.clipped.get_or_init(|| found).clone()
-                }
-            },
-        })
-    }
-
-    /// Returns the clipped lamps of the first frame and their factors, once a frame was loaded.
-    pub fn clipped_lamps(&self) -> Option<&Clipped> {
-        self.clipped.get()
-    }
-
-    /// Reads a frame, lamps as captured.
-    fn read(&self, index: usize) -> Result<Arc<PanoramaFrame>> {
         let index = index.min(self.frame_count() - 1);
         match &self.frames {
-            FrameSource::Memory(frames) => Ok(Arc::clone(&frames[index])),
+            FrameSource::Memory(frames, found) => {
+                let mut frame = Arc::clone(&frames[index]);
+                if let Some(white) = frame.white {
+                    let clipped = self.lamps.clipped(found, || clipped::estimate_of(&frames[0]));
+                    if clipped.raises() {
+                        clipped.raise(Arc::make_mut(&mut frame), white);
+                    }
+                }
+                Ok(frame)
+            }
             FrameSource::Files(stream) => {
                 let frame = stream.load(index)?;
                 crate::warnings::tell(&frame.warnings);
                 Ok(frame)
             }
+        }
+    }
+
+    /// Returns the clipped lamps of the first frame and their factors, once a frame was loaded.
+    pub fn clipped_lamps(&self) -> Option<&Clipped> {
+        match &self.frames {
+            FrameSource::Memory(_, found) => found.get(),
+            FrameSource::Files(stream) => stream.plan().clipped.get(),
+        }
+    }
+}
+
+impl LampRule {
+    /// Returns what is known of the clipped lamps. `found` keeps what was estimated.
+    pub(super) fn clipped(self, found: &OnceLock<Clipped>, estimate: impl FnOnce() -> Clipped) -> Clipped {
+        match self {
+            Self::AsCaptured => Clipped::default(),
+            Self::Factor(factor) => Clipped::even(factor),
+            Self::Estimate => found.get_or_init(estimate).clone(),
         }
     }
 }

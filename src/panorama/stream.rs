@@ -2,9 +2,10 @@
 //! on a thread of its own while frames are asked for in order.
 
 use super::{
+    clipped::{self, Clipped},
     cube,
     frame::{Picture, make_frame},
-    source::PanoramaFrame,
+    source::{LampRule, PanoramaFrame},
     tracks::{Pick, Plan, Track},
 };
 use crate::{Error, Result, media::Decoder};
@@ -98,12 +99,19 @@ impl Reader {
                 (Track::Video(info), Some(codes)) => {
                     Ok(Picture::Video { subject, info: Arc::clone(info), codes: Arc::clone(codes) })
                 }
-                _ => Ok(Picture::File { subject, image: cube::read(&path)? }),
+                _ => Ok(Picture::File { subject, path }),
             }
         };
         let color_picture = picture(&plan.color, pick.color, &color)?;
         let depth_picture = plan.depth.as_ref().map(|track| picture(track, pick.depth, &depth)).transpose()?;
-        let (frame, size) = make_frame(&plan.spec, pick.color, index == 0, color_picture, depth_picture)?;
+        let (mut frame, size) = make_frame(&plan.spec, pick.color, index == 0, color_picture, depth_picture)?;
+        if let Some(white) = frame.white {
+            if index > 0 && plan.spec.lamps == LampRule::Estimate && plan.clipped.get().is_none() {
+                Self::new(Arc::clone(&plan)).frame(0)?; // the first frame tells
+                plan.clipped.get_or_init(Clipped::default); // it may not be one that clips
+            }
+            plan.spec.lamps.clipped(&plan.clipped, || clipped::estimate(&frame, white)).raise(&mut frame, white);
+        }
         let frame = Arc::new(frame);
         let _ = plan.picture_size.set(size); // that of the first frame counts
         self.last = Some(Made { pick, codes: [color, depth], frame: Arc::clone(&frame) });

@@ -1,6 +1,7 @@
 //! Which pictures of which files make a frame of the panorama, and when it is shown.
 
 use super::{
+    clipped::Clipped,
     cube,
     pattern::{Pattern, over_gaps},
     source::{DepthSource, PanoramaSpec},
@@ -62,6 +63,8 @@ pub(super) struct Plan {
     pub rate: [u32; 2],
     /// Width and height of the pictures in their files, once one was loaded.
     pub picture_size: OnceLock<[u32; 2]>,
+    /// What was estimated of the clipped lamps in the first frame, once it was loaded.
+    pub clipped: OnceLock<Clipped>,
 }
 
 impl Plan {
@@ -111,6 +114,7 @@ impl Plan {
             fps,
             rate: media::probe::rational(fps),
             picture_size: OnceLock::new(),
+            clipped: OnceLock::new(),
             spec: Arc::new(spec),
             color: Track::Images(color),
             depth: depth.map(Track::Images),
@@ -181,7 +185,8 @@ impl Plan {
             warnings.push(format!("{}: assumed {}", info.path.display(), info.assumed.join("; ")));
         }
         let fps = f64::from(rate[0]) / f64::from(rate[1]);
-        Ok(Self { spec: Arc::new(spec), color, depth, picks, times, fps, rate, picture_size: OnceLock::new() })
+        let (picture_size, clipped) = (OnceLock::new(), OnceLock::new());
+        Ok(Self { spec: Arc::new(spec), color, depth, picks, times, fps, rate, picture_size, clipped })
     }
 }
 

@@ -8,7 +8,7 @@ use super::{
 use crate::{
     Error, Result,
     gpu::{Buffer, Format, Frame, Gpu, Image},
-    panorama::{lamps, source::PanoramaFrame},
+    panorama::{lamps, source::PanoramaFrame, texels},
     plan::{Part, Plan},
 };
 
@@ -65,6 +65,7 @@ pub struct Panorama {
     pub far_sides: bool,
     /// What shaders read, by name.
     pub resources: Resources,
+    gpu: Gpu,
     radiance: Image,
     /// The lamps that hang free. `None` if none are looked for.
     lamps: Option<Buffer>,
@@ -115,6 +116,9 @@ pub fn bytes(plan: &Plan) -> u64 {
         + if plan.on(Part::LightTable) { super::light_table::BYTES } else { 0 }
         + if plan.on(Part::FreeLamps) { free_lamps::BYTES } else { 0 }
 }
+
+/// How many texels of a large panorama go up at a time, about.
+const STRIP: usize = 1 << 21;
 
 /// The first width that the pyramid's node codes cannot address.
 const LARGEST: u32 = 32768;
@@ -170,7 +174,18 @@ impl Panorama {
         let lamps = gpu.buffer("free lamps", if needs.free_lamps { free_lamps::BYTES } else { 0 })?;
         resources.add("lamps", Resource::Buffer(lamps.clone()));
         let lamps = needs.free_lamps.then_some(lamps);
-        Ok(Self { color_size, depth_size, yaw_degrees, shape, far_sides: false, resources, radiance, lamps, raw_depth })
+        Ok(Self {
+            color_size,
+            depth_size,
+            yaw_degrees,
+            shape,
+            far_sides: false,
+            resources,
+            gpu: gpu.clone(),
+            radiance,
+            lamps,
+            raw_depth,
+        })
     }
 
     /// Adds room for the far sides of skirts, which `panorama_unknown` needs.
@@ -222,7 +237,17 @@ impl Panorama {
 
     /// Records the upload of a video frame. The passes of a new video frame must run after it.
     pub fn upload(&self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
-        frame.write_image(&self.radiance, 0, 0, &content.radiance)?;
+        let width = self.color_size[0] as usize;
+        let large = texels::is_half(self.color_size);
+        // A large panorama goes up by itself, in strips, so that it is not in memory as a whole once more.
+        content.radiance.pieces((STRIP / width).max(1) * width, |first, texels| {
+            if !large {
+                return frame.write_image(&self.radiance, 0, 0, texels);
+            }
+            let mut strip = self.gpu.frame()?;
+            strip.write_rows(&self.radiance, (first / width) as u32, texels)?;
+            strip.run().map(drop)
+        })?;
         let mut depth = &content.depth;
         let found;
         if let Some(buffer) = &self.lamps {

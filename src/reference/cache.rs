@@ -192,7 +192,7 @@ pub fn hash_rendered(scene: &Scene, time: f64) -> Result<blake3::Hasher> {
     let mut hasher = hash_scene(&scene.packed, &state.instances)?;
     let panorama = scene.panorama.load(scene.panorama.frame_at(time))?;
     hasher.update(bytemuck::cast_slice(&[panorama.color_size, panorama.depth_size]));
-    hasher.update(bytemuck::cast_slice(&panorama.radiance)).update(bytemuck::cast_slice(&panorama.depth));
+    hasher.update(panorama.radiance.bytes()).update(bytemuck::cast_slice(&panorama.depth));
     let place = (scene.panorama.position, scene.panorama.yaw_degrees, panorama.quantisation);
     hasher.update(format!("{place:?} {:?}", state.camera).as_bytes());
     hasher.update(&shaders::digest()?.to_le_bytes()).update(&VERSION.to_le_bytes());

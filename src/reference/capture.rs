@@ -221,7 +221,7 @@ pub fn write(frame: &PanoramaFrame, folder: &Path) -> Result<()> {
 }
 
 fn write_frame(frame: &PanoramaFrame, color: &Path, depth: &Path) -> Result<()> {
-    write_exr(color, &[ExrLayer::rgb("", frame.color_size, &frame.radiance)])?;
+    write_exr(color, &[ExrLayer::rgb("", frame.color_size, &frame.radiance.to_vec())])?;
     let channels = vec![("Y".to_owned(), frame.depth.clone())];
     write_exr(depth, &[ExrLayer { name: String::new(), size: frame.depth_size, channels }])
 }
@@ -259,7 +259,7 @@ fn trace(
     let sums = tracer.read()?;
     Ok(PanoramaFrame {
         color_size: settings.size,
-        radiance: if settings.denoise { denoise(&sums) } else { sums.radiance() },
+        radiance: if settings.denoise { denoise(&sums) } else { sums.radiance() }.into(),
         depth_size: settings.size,
         depth: sums.centre.iter().map(|texel| texel[3]).collect(),
         quantisation: Quantisation::None,
@@ -311,7 +311,7 @@ fn load_cached(folder: &Path) -> Option<PanoramaFrame> {
         let depth = decode(&depth, DEPTH_FILE)?.into_codes(DEPTH_FILE)?;
         Ok(Some(PanoramaFrame {
             color_size: color.size,
-            radiance: color.texels,
+            radiance: color.texels.into(),
             depth_size: depth.size,
             depth: depth.codes,
             quantisation: Quantisation::None,

@@ -138,7 +138,7 @@ mod tests {
     fn scene(objects: Vec<Object>) -> Scene {
         let frame = PanoramaFrame {
             color_size: [2, 1],
-            radiance: vec![[1.0; 4]; 2],
+            radiance: vec![[1.0; 4]; 2].into(),
             depth_size: [2, 1],
             depth: vec![3.0; 2],
             ..Default::default()

@@ -120,7 +120,7 @@ impl Export {
             write_bytes(&folder.join(file), &to_glb(model)?)?;
         }
         for (frame, [color, depth]) in frames.iter().map(Borrow::borrow).zip(&self.panorama) {
-            write_exr(&folder.join(color), &[ExrLayer::rgb("", frame.color_size, &frame.radiance)])?;
+            write_exr(&folder.join(color), &[ExrLayer::rgb("", frame.color_size, &frame.radiance.to_vec())])?;
             let channels = vec![("Y".to_owned(), frame.depth.clone())];
             write_exr(&folder.join(depth), &[ExrLayer { name: String::new(), size: frame.depth_size, channels }])?;
         }

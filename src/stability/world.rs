@@ -325,7 +325,13 @@ impl World {
         let (mut radiance, depth): (Vec<[f32; 4]>, Vec<f32>) =
             (0..size[0] * size[1]).into_par_iter().map(texel).unzip();
         self.shine_on(&mut radiance, size, -yaw_degrees);
-        PanoramaFrame { color_size: size, radiance, depth_size: size, depth, ..PanoramaFrame::default() }
+        PanoramaFrame {
+            color_size: size,
+            radiance: radiance.into(),
+            depth_size: size,
+            depth,
+            ..PanoramaFrame::default()
+        }
     }
 
     /// Adds the lamp to a captured panorama: all of its light, however small it is in texels.

@@ -22,7 +22,7 @@ use std::sync::Arc;
 fn assemble(objects: Vec<Object>) -> Scene {
     let frame = PanoramaFrame {
         color_size: [2, 1],
-        radiance: vec![[1.0; 4]; 2],
+        radiance: vec![[1.0; 4]; 2].into(),
         depth_size: [2, 1],
         depth: vec![1.0; 2],
         ..PanoramaFrame::default()

@@ -30,7 +30,7 @@ fn coded(frame: &PanoramaFrame, exposure: f32) -> PanoramaFrame {
 /// The light of the texels that clip: as it is, as captured, and as estimated.
 fn light(frame: &PanoramaFrame, coded: &PanoramaFrame, white: f32) -> [f64; 3] {
     let mut sums = [0.0; 3];
-    for (at, (is, seen)) in frame.radiance.iter().zip(&coded.radiance).enumerate() {
+    for (at, (is, seen)) in frame.radiance.iter().zip(coded.radiance.iter()).enumerate() {
         if seen[0].max(seen[1]).max(seen[2]) < 0.955 * white {
             continue;
         }
@@ -38,9 +38,9 @@ fn light(frame: &PanoramaFrame, coded: &PanoramaFrame, white: f32) -> [f64; 3] {
         let d = texel_direction(at as u32 % size[0], at as u32 / size[0], size);
         let weight = (1.0 - d.y * d.y).sqrt();
         let luminance = |t: &[f32; 4]| f64::from(0.2126 * t[0] + 0.7152 * t[1] + 0.0722 * t[2]);
-        sums[0] += weight * luminance(is);
-        sums[1] += weight * luminance(seen);
-        sums[2] += weight * luminance(seen) * f64::from(seen[3]);
+        sums[0] += weight * luminance(&is);
+        sums[1] += weight * luminance(&seen);
+        sums[2] += weight * luminance(&seen) * f64::from(seen[3]);
     }
     sums
 }

@@ -80,7 +80,7 @@ fn cubemaps_show_the_same_room() {
         let (mut worst, mut far) = (0.0_f32, 0.0);
         for index in 0..SIZE[0] * SIZE[1] {
             let direction = texel_direction(index % SIZE[0], index / SIZE[0], SIZE).as_vec3();
-            let (texel, right) = (frame.radiance[index as usize], paint(direction));
+            let (texel, right) = (frame.radiance.at(index as usize), paint(direction));
             worst = (0..3).fold(worst, |worst, c| worst.max((code(texel[c]) - right[c]).abs()));
             far += (frame.depth[index as usize] / (0.001 * millimetres(direction)) - 1.0).abs();
         }

@@ -106,6 +106,70 @@ fn flat_png(path: &Path, width: u32, height: u32) {
     writer.write_image_data(&vec![0; width.div_ceil(8) as usize * height as usize]).expect("pixels");
 }
 
+/// The peak memory of a run that must succeed. Unlike that of [`run`] it leaves out what this process had when it began.
+fn peak(folder: &Folder, arguments: &[&str]) -> u64 {
+    let mut child = folder.command().args(arguments).stdout(Stdio::null()).spawn().expect("starts");
+    let (file, mut peak) = (format!("/proc/{}/status", child.id()), 0);
+    loop {
+        let status = std::fs::read_to_string(&file).unwrap_or_default();
+        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kib = line.and_then(|line| line.trim_end_matches("kB").trim().parse::<u64>().ok());
+        peak = kib.map_or(peak, |kib| 1024 * kib);
+        if let Some(status) = child.try_wait().expect("waits") {
+            assert!(status.success(), "iprt {arguments:?}: {status}");
+            return peak;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+}
+
+/// Writes the same picture as each kind of file. Its scene is called as the file.
+fn large_pictures(folder: &Folder, [width, height]: [u32; 2]) -> [&'static str; 4] {
+    let texel = |x: u32, y: u32| [(x / 64 % 200) as u8, (y / 64 % 200) as u8, 90];
+    let picture = image::RgbImage::from_fn(width, height, |x, y| image::Rgb(texel(x, y)));
+    picture.save(folder.path("a.png")).expect("writes");
+    picture.save(folder.path("a.jpg")).expect("writes");
+    let mut hdr = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
+    hdr.extend(picture.pixels().flat_map(|p| [p.0[0].max(3), p.0[1], p.0[2], 128]));
+    std::fs::write(folder.path("a.hdr"), hdr).expect("writes");
+    let channel = |c: usize| picture.pixels().map(|p| f32::from(p.0[c]) / 255.0).collect();
+    let channels = ["R", "G", "B"].iter().enumerate().map(|(c, name)| ((*name).to_owned(), channel(c))).collect();
+    let layer = iprt::image_file::ExrLayer { name: String::new(), size: [width, height], channels };
+    iprt::image_file::write::write_exr(&folder.path("a.exr"), &[layer]).expect("writes");
+    ["a.png", "a.jpg", "a.hdr", "a.exr"]
+}
+
+/// What `docs/limits.md` states of the memory that a panorama takes.
+#[test]
+fn a_large_panorama_is_in_memory_once() {
+    let (folder, size) = (Folder::empty(), [8192, 2048]);
+    let texels = u64::from(size[0] * size[1]);
+    for name in large_pictures(&folder, size) {
+        folder.write("large.toml", &format!("[panorama]\ncolor = \"{name}\"\ndepth = 3\n"));
+        let whole = peak(&folder, &["check", "large.toml"]);
+        let depth = 4 * 4096 * 1024;
+        let bounds = 8 * texels..8 * texels + depth + (80 << 20);
+        assert!(bounds.contains(&whole), "{name}: {} MiB, not {bounds:?}", whole >> 20);
+        let reduced = peak(&folder, &["check", "large.toml", "--panorama-size", "1024"]);
+        let stored = if name == "a.jpg" { 3 * texels } else { 0 };
+        assert!(reduced < stored + (80 << 20), "{name} reduced: {} MiB", reduced >> 20);
+    }
+}
+
+#[test]
+fn what_the_device_cannot_hold_is_refused_before_it_is_decoded() {
+    let folder = Folder::empty();
+    flat_png(&folder.path("wide.png"), 20000, 10000);
+    // No pixel is left.
+    let bytes = std::fs::read(folder.path("wide.png")).expect("reads");
+    std::fs::write(folder.path("wide.png"), &bytes[..60]).expect("writes");
+    folder.write("wide.toml", "[panorama]\ncolor = \"wide.png\"\ndepth = 3\n");
+    let ran = run(&folder, &["render", "wide.toml", "-o", "a.png", "--size", "8x8"]);
+    assert_eq!((ran.status, ran.stderr.lines().count()), (Some(2), 1), "{}", ran.stderr);
+    let words = ["wide.png: has 20000x10000 texels", "at most", "--panorama-size 10000"];
+    assert!(words.iter().all(|word| ran.stderr.contains(word)), "{}", ran.stderr);
+}
+
 #[test]
 fn memory_is_asked_for_before_it_is_taken() {
     let folder = Folder::empty();

@@ -69,7 +69,7 @@ fn captured(bulbs: &[Bulb], wall: impl Fn(Vec3) -> f32, radiance: impl Fn(Vec3) 
         });
         let share = seen.count() as f32 / 64.0;
         let l = share * RADIANCE + (1.0 - share) * radiance(centre);
-        frame.radiance[k] = [l, l, l, 1.0];
+        frame.radiance.set(k, [l, l, l, 1.0]);
         frame.depth[k] = nearest(centre).unwrap_or(frame.depth[k]);
     }
     frame
@@ -79,7 +79,8 @@ fn captured(bulbs: &[Bulb], wall: impl Fn(Vec3) -> f32, radiance: impl Fn(Vec3) 
 fn single_texel(at: [u32; 2], distance: f32) -> (PanoramaFrame, Bulb) {
     let mut frame = captured(&[], |_| WALL, |_| 0.0);
     let k = (at[1] * PANORAMA[0] + at[0]) as usize;
-    (frame.radiance[k], frame.depth[k]) = ([RADIANCE, RADIANCE, RADIANCE, 1.0], distance);
+    frame.radiance.set(k, [RADIANCE, RADIANCE, RADIANCE, 1.0]);
+    frame.depth[k] = distance;
     let sine = (std::f64::consts::PI * (f64::from(at[1]) + 0.5) / f64::from(PANORAMA[1])).sin();
     let center = texel_direction(at[0], at[1], PANORAMA).as_vec3() * distance;
     (frame, Bulb { radius: Bulb::new(Vec3::X, distance, sine as f32).radius, center })
@@ -179,7 +180,7 @@ fn only_what_hangs_free_is_a_lamp() {
     }
     assert!(depth.iter().all(|d| (d - WALL).abs() < 0.02), "the wall is carried on behind them");
     // Without light, or without depth, nothing is found.
-    let dark = PanoramaFrame { radiance: vec![[0.0; 4]; frame.radiance.len()], ..frame.clone() };
+    let dark = PanoramaFrame { radiance: vec![[0.0; 4]; frame.radiance.len()].into(), ..frame.clone() };
     let far = PanoramaFrame { depth: vec![0.0; frame.depth.len()], ..frame };
     for frame in [dark, far] {
         assert!(lamps::find(&frame).lamps.is_empty());

@@ -44,7 +44,7 @@ const TARGETS: [Target; 5] = [
             let codes = read::decode(bytes, "input")?.into_codes("input")?;
             assert_eq!(codes.codes.len() as u64, u64::from(codes.size[0]) * u64::from(codes.size[1]));
             let rule = iprt::panorama::guess::rule(&codes, 1.6).rule;
-            let metres = rule.metres(&codes.codes, codes.size);
+            let metres = rule.metres(codes.codes.clone(), codes.size);
             assert!(metres.iter().all(|metres| metres.is_finite() && *metres >= 0.0), "a hole is 0");
             Ok(())
         },

@@ -46,7 +46,7 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
 fn scene_of(model: Model) -> Scene {
     let frame = PanoramaFrame {
         color_size: [2, 1],
-        radiance: vec![[1.0; 4]; 2],
+        radiance: vec![[1.0; 4]; 2].into(),
         depth_size: [2, 1],
         depth: vec![1.0; 2],
         quantisation: Quantisation::None,

@@ -5,7 +5,10 @@ use crate::common::*;
 use glam::{Mat3, Vec3, vec2, vec3};
 use iprt::{
     options::RenderOptions,
-    panorama::source::{PanoramaFrame, PanoramaSource},
+    panorama::{
+        source::{PanoramaFrame, PanoramaSource},
+        texels,
+    },
     scene::{Object, Scene, camera::CameraTrack, file::RenderSettings, viewpoint::Projection},
     settings::Method,
 };
@@ -69,9 +72,10 @@ fn a_minified_panorama_is_filtered_over_the_pixels_footprint() {
         // squares of one texel, black and white, 16 texels and more in a pixel: all that is left is their mean
         let size = [1024, 512];
         let mut panorama = surroundings(size, |_| 2.0, |_| Vec3::ZERO);
-        for (i, texel) in panorama.radiance.iter_mut().enumerate() {
-            texel[..3].fill(((i as u32 % size[0] + i as u32 / size[0]) % 2) as f32);
-        }
+        panorama.radiance = texels::Texels::make(panorama.radiance.len(), |i| {
+            let square = ((i as u32 % size[0] + i as u32 / size[0]) % 2) as f32;
+            [square, square, square, 1.0]
+        });
         let scene = scene(panorama, views(&AXES.map(|target| (Vec3::ZERO, target, 60.0))), vec![]);
         let coarse = RenderOptions { size: [16, 12], ..options(Method::Iprt, &[]) };
         let mut renderer = rendered(gpu, &scene, coarse, 0);
@@ -140,7 +144,7 @@ fn what_no_object_can_influence_keeps_its_bits() {
 fn rolled(frame: &PanoramaFrame, k: usize) -> (PanoramaFrame, f32) {
     let width = frame.color_size[0] as usize;
     let mut rolled = frame.clone();
-    rolled.radiance.chunks_mut(width).for_each(|row| row.rotate_right(k));
+    rolled.radiance.change(|_, texels| texels.chunks_mut(width).for_each(|row| row.rotate_right(k)));
     rolled.depth.chunks_mut(width).for_each(|row| row.rotate_right(k));
     (rolled, 360.0 * k as f32 / width as f32)
 }
@@ -156,9 +160,9 @@ fn rolling_the_panorama_and_undoing_it_by_yaw_changes_nothing() {
     validated(|gpu| {
         // so even that no directions are drawn towards lights, whose cells would move against the texels: the paths are then the same
         let mut frame = room_with_table();
-        for texel in &mut frame.radiance {
-            texel[..3].iter_mut().for_each(|x| *x = 1.0 + 0.08 * (*x - 0.6));
-        }
+        frame.radiance.change(|_, texels| {
+            texels.iter_mut().flat_map(|texel| &mut texel[..3]).for_each(|x| *x = 1.0 + 0.08 * (*x - 0.6));
+        });
         let things =
             || vec![ball(0.3, metal(0.2), vec3(0.35, -0.4, -1.3)), ball(0.25, lambert(0.7), vec3(-0.3, -0.45, -1.3))];
         for method in LIMITS {

@@ -34,13 +34,13 @@ fn ldr_images_are_srgb_decoded() {
     let (folder, path) = scene("color = 'c.png'\ndepth = 2.5\nexposure = 2");
     ImageBuffer::from_pixel(4, 2, Rgb([188_u8, 255, 0])).save(folder.path().join("c.png")).expect("saved");
     let frame = load(&path).expect("loads");
-    let [r, g, b, a] = frame.radiance[0];
+    let [r, g, b, a] = frame.radiance.at(0);
     assert!((r - 2.0 * 0.5029).abs() < 1e-3 && g == 2.0 && b == 0.0 && a == 1.0);
     assert_eq!((frame.color_size, frame.depth_size, frame.depth[7]), ([4, 2], [4, 2], 2.5));
     assert_eq!(frame.quantisation, Quantisation::None);
 
     ImageBuffer::from_pixel(4, 2, Rgb([48_316_u16, 65_535, 0])).save(folder.path().join("c.png")).expect("saved");
-    assert!((load(&path).expect("loads").radiance[0][0] - 2.0 * 0.5029).abs() < 1e-3, "16 bits too");
+    assert!((load(&path).expect("loads").radiance.at(0)[0] - 2.0 * 0.5029).abs() < 1e-3, "16 bits too");
 }
 
 #[test]
@@ -50,8 +50,8 @@ fn inverse_tone_mapping_raises_only_saturated_ldr_texels() {
         .save(folder.path().join("c.png"))
         .expect("saved");
     let frame = load(&path).expect("loads");
-    assert!((frame.radiance[0][0] - 5.0).abs() < 1e-4);
-    assert!((frame.radiance[1][0] - 0.2158).abs() < 1e-3);
+    assert!((frame.radiance.at(0)[0] - 5.0).abs() < 1e-4);
+    assert!((frame.radiance.at(1)[0] - 0.2158).abs() < 1e-3);
 }
 
 #[test]
@@ -62,13 +62,13 @@ fn hdr_exr_and_jpeg_are_read() {
     let file = std::fs::File::create(&color).expect("created");
     image::codecs::hdr::HdrEncoder::new(file).encode(&[Rgb([8.0, 0.5, 0.25]); 8], 4, 2).expect("encoded");
     let frame = load(&path).expect("loads");
-    assert_eq!(frame.radiance[0], [8.0, 0.5, 0.25, 1.0]);
+    assert_eq!(frame.radiance.at(0), [8.0, 0.5, 0.25, 1.0]);
     assert_eq!((frame.depth_size, frame.depth[0]), ([2, 1], 3.5), "sizes may differ");
 
     exr(&color, [4, 2], &[("R", 1.0), ("G", 2.0), ("B", 3.0), ("Z", 9.0)]);
-    assert_eq!(load(&path).expect("loads").radiance[0], [1.0, 2.0, 3.0, 1.0]);
+    assert_eq!(load(&path).expect("loads").radiance.at(0), [1.0, 2.0, 3.0, 1.0]);
     exr(&color, [4, 2], &[("Y", 4.0)]);
-    assert_eq!(load(&path).expect("loads").radiance[0], [4.0, 4.0, 4.0, 1.0]);
+    assert_eq!(load(&path).expect("loads").radiance.at(0), [4.0, 4.0, 4.0, 1.0]);
     ImageBuffer::from_pixel(16, 8, Rgb([255_u8; 3])).save_with_format(&color, image::ImageFormat::Jpeg).expect("saved");
     assert!(load(&path).expect("loads").radiance.iter().all(|texel| texel[0] > 0.97));
 }
@@ -107,7 +107,7 @@ fn packed_images_hold_colour_first() {
         image.save(folder.path().join("c.png")).expect("saved");
         let frame = load(&path).expect("loads");
         assert_eq!((frame.color_size, frame.depth_size), ([4, 2], [4, 2]), "{packing}");
-        assert!(frame.radiance.iter().all(|texel| *texel == [1.0, 0.0, 0.0, 1.0]), "{packing}");
+        assert!(frame.radiance.iter().all(|texel| texel == [1.0, 0.0, 0.0, 1.0]), "{packing}");
         assert!(frame.depth.iter().all(|depth| (*depth - 1.0).abs() < 1e-6), "{packing}");
     }
 }
@@ -143,7 +143,7 @@ fn sequences_step_and_are_timed() {
         assert_eq!(panorama.frame_at(time), index, "{time}");
     }
     assert!((0..3).all(|i| panorama.frame_at(panorama.frame_time(i)) == i));
-    let values: Vec<f32> = (0..3).map(|i| panorama.load(i).expect("loads").radiance[0][0]).collect();
+    let values: Vec<f32> = (0..3).map(|i| panorama.load(i).expect("loads").radiance.at(0)[0]).collect();
     assert!(values[0] < values[1] && values[1] < values[2]);
 }
 
@@ -158,10 +158,10 @@ fn bad_radiance_is_mended_or_refused() {
     texels[3][2] = -1.0;
     write::write_exr(&color, &[ExrLayer::rgb("", size, &texels)]).expect("written");
     let frame = load(&path).expect("loads");
-    assert_eq!(frame.radiance[1], [0.0, 0.0, 0.0, 1.0], "a texel that is no number is not known");
+    assert_eq!(frame.radiance.at(1), [0.0, 0.0, 0.0, 1.0], "a texel that is no number is not known");
     assert!(frame.depth[1] == 0.0 && frame.depth[0] > 0.0);
-    assert_eq!(frame.radiance[2], [1.0, 65504.0, 1.0, 1.0], "the sun in half precision");
-    assert_eq!(frame.radiance[3], [1.0, 1.0, 0.0, 1.0]);
+    assert_eq!(frame.radiance.at(2), [1.0, 65504.0, 1.0, 1.0], "the sun in half precision");
+    assert_eq!(frame.radiance.at(3), [1.0, 1.0, 0.0, 1.0]);
     for words in ["12.5 % of its texels", "1 texels with negative", "1 texels with infinite"] {
         assert!(
             frame.warnings.iter().any(|w| w.contains(words) && w.contains("c.exr")),
@@ -181,6 +181,26 @@ fn depth_that_is_all_holes_is_allowed_with_a_warning() {
     let frame = load(&path).expect("loads");
     assert!(frame.depth.iter().all(|depth| *depth == 0.0));
     assert!(frame.warnings.iter().any(|w| w.contains("infinitely far") && w.contains("d.exr")), "{:?}", frame.warnings);
+}
+
+/// Made by avifenc of a red and a blue half. What is right was measured of the picture that it was made of.
+#[test]
+fn avif_is_a_panorama_whatever_its_range_and_depth() {
+    let (folder, path) = scene("color = 'c.avif'\ndepth = 1");
+    let color = folder.path().join("c.avif");
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");
+    for name in ["full8.avif", "limited10.avif"] {
+        std::fs::copy(corpus.join(name), &color).expect("copied");
+        let frame = load(&path).expect("loads");
+        assert_eq!((frame.color_size, frame.white), ([64, 32], Some(1.0)), "{name}");
+        for (column, right) in [(8, [0.527, 0.0144, 0.0513]), (56, [0.0513, 0.2159, 0.527])] {
+            let found = frame.radiance.at(16 * 64 + column);
+            assert!(right.iter().zip(found).all(|(right, found)| (right - found).abs() < 0.02), "{name}: {found:?}");
+        }
+    }
+    std::fs::copy(corpus.join("turned.avif"), &color).expect("copied");
+    let line = load(&path).expect_err("turned");
+    assert!(line.contains("c.avif: asks to be turned") && line.contains("avifdec") && !line.contains('\n'), "{line}");
 }
 
 #[test]

@@ -30,7 +30,7 @@ fn trace(gpu: &Gpu, objects: Vec<Object>, viewpoint: &Viewpoint, settings: &Path
     let panorama = iprt::panorama::source::PanoramaSource::from_frames(
         vec![iprt::panorama::source::PanoramaFrame {
             color_size: [1, 1],
-            radiance: vec![[0.0; 4]],
+            radiance: vec![[0.0; 4]].into(),
             depth_size: [1, 1],
             depth: vec![0.0],
             ..Default::default()
@@ -205,7 +205,7 @@ fn captured_depth_is_the_distance_and_the_cache_mends_itself() {
         let to_walls = (vec3(2.0, 1.3, 1.5) - position * d.signum()) / d.abs();
         assert!((depth / to_walls.min_element() - 1.0).abs() < 1e-4, "texel {i}: {depth}");
     }
-    assert!((frame.radiance[32][1] - 6.0).abs() < 1e-4, "the lamp above is seen as it is");
+    assert!((frame.radiance.at(32)[1] - 6.0).abs() < 1e-4, "the lamp above is seen as it is");
 
     let cache = tempfile::tempdir().expect("a folder");
     let cached = || capture_cached(&gpu, &room(), position, &settings, Some(cache.path())).expect("captures");

@@ -52,7 +52,7 @@ fn true_scene(room: &Room) -> Scene {
     };
     let nothing = PanoramaFrame {
         color_size: [2, 1],
-        radiance: vec![[0.0; 4]; 2],
+        radiance: vec![[0.0; 4]; 2].into(),
         depth_size: [2, 1],
         depth: vec![0.0; 2],
         ..Default::default()
@@ -90,7 +90,7 @@ fn a_patch_path_traced_again_has_the_captures_values() {
             for (index, truth) in truth.iter().enumerate() {
                 let (column, row) = (index as u32 % blocks[0] * 16, index as u32 / blocks[0] * 8);
                 let texels = (0..8).flat_map(|y| (0..16).map(move |x| (row + y) * size[0] + column + x));
-                let mean = texels.map(|i| Vec3::from_slice(&frame.radiance[i as usize])).sum::<Vec3>() / 128.0;
+                let mean = texels.map(|i| Vec3::from_slice(&frame.radiance.at(i as usize))).sum::<Vec3>() / 128.0;
                 let truth = Vec3::from_slice(truth);
                 (sum, truth_sum) = (sum + mean.y, truth_sum + truth.y);
                 error += (mean.y - truth.y).abs();

@@ -162,12 +162,12 @@ fn sized(size: [u32; 2], depth: impl Fn(f64, f64) -> f64) -> PanoramaFrame {
             depth(u, v) as f32
         })
         .collect();
-    PanoramaFrame { color_size: [1, 1], radiance: vec![[0.0; 4]], depth_size: size, depth, ..Default::default() }
+    PanoramaFrame { color_size: [1, 1], radiance: vec![[0.0; 4]].into(), depth_size: size, depth, ..Default::default() }
 }
 
 fn box_room(size: [u32; 2]) -> PanoramaFrame {
     let mut frame = room(size, vec3(6.0, 2.7, 4.4), vec3(0.7, 0.1, -0.4), |_| Vec3::ONE);
-    (frame.color_size, frame.radiance) = ([1, 1], vec![[0.0; 4]]);
+    (frame.color_size, frame.radiance) = ([1, 1], vec![[0.0; 4]].into());
     frame
 }
 

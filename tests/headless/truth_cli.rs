@@ -81,7 +81,7 @@ fn from_a_room_to_its_panorama_to_a_picture_to_its_truth() {
         assert!(*depth < to_wall * 1.0001, "texel {i}: {depth} behind the wall");
     }
     assert!(walls > 7900, "all but the block is wall: {walls} of 8192");
-    assert!((frame.radiance[64][1] - 3.0).abs() < 1e-4, "the lamp is seen as it is");
+    assert!((frame.radiance.at(64)[1] - 3.0).abs() < 1e-4, "the lamp is seen as it is");
 
     // the same view by the renderer, from the panorama, and by the path tracer, from the room
     let same = ["--projection", "equirect", "--size", "128x64", "-q"];

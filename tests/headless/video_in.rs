@@ -70,7 +70,7 @@ fn a_real_video_is_what_its_images_are() {
     let mut error = 0.0;
     for (x, y, pixel) in rgb.enumerate_pixels() {
         let [column, row] = [(2 * x + 1) * 2160 / 2048, (2 * y + 1) * 1080 / 1024];
-        let texel = frame.radiance[(row * 2160 + column) as usize];
+        let texel = frame.radiance.at((row * 2160 + column) as usize);
         let shown = |linear: f32| f32::from(iprt::image_file::write::display_code(linear));
         error += (0..3).map(|c| (shown(texel[c]) - f32::from(pixel.0[c])).abs()).sum::<f32>();
     }
@@ -144,7 +144,7 @@ fn codes_mean_what_the_tags_say() {
         let raw = if format == "gray" { plane(codes, deep)[..8].to_vec() } else { plane(codes, deep) };
         lossless(&folder, "v.mkv", size, format, tags, &raw);
         let frame = load(&open(&folder, "color = 'v.mkv'\ndepth = 2"), 0);
-        let texel = frame.radiance[5];
+        let texel = frame.radiance.at(5);
         let near = |c: usize| (texel[c] - expected[c]).abs() < 0.012 * expected[c].max(1.0);
         assert!((0..3).all(near), "{name}: {texel:?}, not {expected:?}");
     }
@@ -173,7 +173,7 @@ fn depth_comes_beside_below_or_from_another_file() {
         let frame = load(&open(&folder, panorama), 0);
         assert_eq!((frame.color_size, frame.depth_size), ([4, 2], [4, 2]), "{panorama}");
         assert!(frame.depth.iter().all(|depth| (depth - metres).abs() < 1e-4), "{panorama}: {}", frame.depth[0]);
-        assert!((frame.radiance[3][0] - 0.5776).abs() < 1e-3, "{panorama}");
+        assert!((frame.radiance.at(3)[0] - 0.5776).abs() < 1e-3, "{panorama}");
     }
     // a still picture of depth, and a sequence of it that counts from 1
     image::GrayImage::from_pixel(4, 2, image::Luma([77])).save(folder.path("d.png")).expect("saved");

@@ -111,7 +111,7 @@ fn large_panorama(run: &Run) -> Result<Outcome> {
     let large = [8192, run.count(4096, 128) as u32];
     let frame = PanoramaFrame {
         color_size: [64, 32],
-        radiance: vec![[0.5, 0.5, 0.5, 1.0]; 64 * 32],
+        radiance: vec![[0.5, 0.5, 0.5, 1.0]; 64 * 32].into(),
         depth_size: large,
         depth: box_depth(large, super::ROOM.high - super::ROOM.low, Vec3::ZERO, 0.0),
         ..PanoramaFrame::default()

@@ -123,7 +123,7 @@ fn dark_corner(run: &Run) -> Result<Outcome> {
 fn saturated_capture(run: &Run) -> Result<Outcome> {
     let film = Film {
         spoil: Some(Box::new(|_, frame| {
-            frame.radiance.iter_mut().for_each(|texel| *texel = texel.map(|value| value.min(1.0)));
+            frame.radiance.change(|_, all| all.iter_mut().for_each(|texel| *texel = texel.map(|value| value.min(1.0))));
             frame.white = Some(1.0);
         })),
         ..Film::still(run.size(), 16, || World {
