@@ -117,7 +117,8 @@ fn all_kinds(cache: &Path) -> String {
     let truth = truth_of_scene(&gpu, &complete, &options, 0.0, 8, keep, &mut || ()).expect("a truth");
 
     let mut hasher = blake3::Hasher::new();
-    hasher.update(bytemuck::cast_slice(&panorama.radiance)).update(bytemuck::cast_slice(&panorama.depth));
+    let radiance: Vec<[f32; 4]> = panorama.radiance.iter().collect();
+    hasher.update(bytemuck::cast_slice(&radiance)).update(bytemuck::cast_slice(&panorama.depth));
     hasher.update(bytemuck::cast_slice(&truth.radiance));
     let scene = scene(panorama, CameraTrack::at_point(Vec3::ZERO), Vec::new());
     let points = Store::of(&gpu, &scene, &options, 1.0, Some(cache)).expect("a key");
