@@ -367,6 +367,7 @@ impl Settings {
             atrous_radius: reference.atrous_radius,
             sigma_luminance: reference.sigma_luminance,
             least_share: reference.least_share,
+            path_limit: reference.path_limit,
             despeckle: reference.despeckle,
             ..self.clone()
         };

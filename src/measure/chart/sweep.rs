@@ -138,6 +138,7 @@ const FULL: &[Values] = &[
     (Method::Iprt, "real_tracer", &["march", "direction"]),
     (Method::Iprt, "virtual_tracer", &["screen"]),
     (Method::Iprt, "directions", &["brdf", "light"]),
+    (Method::Iprt, "path_limit", &["1", "inf"]),
     (Method::Iprt, "bounces", &["1", "2", "8"]),
     (Method::Iprt, "relight_levels", &["0", "2"]),
     (Method::Iprt, "relight_width", &["64", "128", "512"]),
