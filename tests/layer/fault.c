@@ -17,6 +17,7 @@ typedef void VkMemoryAllocateInfo, VkBufferCreateInfo, VkImageCreateInfo, VkImag
     VkDescriptorSetAllocateInfo, VkSubmitInfo2, VkSwapchainCreateInfoKHR, VkPresentInfoKHR;
 
 static long count;
+void *lost; /* what FAULT_LEAK lost last: seen from outside, so that compilers keep it */
 
 static void note(const char *name) {
     const char *file = getenv("FAULT_COUNT");
@@ -35,7 +36,7 @@ static int fails(const char *name) {
     long here = count++;
     note(name);
     const char *leak = getenv("FAULT_LEAK");
-    if (leak && !strcmp(name, "vkQueueSubmit2")) memset(malloc(atol(leak)), 1, atol(leak));
+    if (leak && !strcmp(name, "vkQueueSubmit2")) lost = memset(malloc(atol(leak)), 1, atol(leak));
     pthread_mutex_unlock(&lock);
     return at && atol(at) == here;
 }
