@@ -287,7 +287,7 @@ settings! {
         screen_stride: f32 = [1.0, 1.0, 1.0, 1.0], [1.0, 64.0], "pixels", "`virtual_tracer = screen`: length of a step";
         screen_jitter: f32 = [1.0, 1.0, 1.0, 1.0], [0.0, 1.0], "steps", "`virtual_tracer = screen`: random part of the first step";
         directions: Directions = [Directions::Mis, Directions::Brdf, Directions::Mis, Directions::Mis], ANY, "", "what draws the directions of rays";
-        path_limit: f32 = [4.0, INFINITE, 4.0, INFINITE], [0.1, f64::INFINITY], "times the light", "how much more than a surface's light, as the last picture has it, one path may bring, times eight more than the paths of its history; inf: any";
+        path_limit: f32 = [4.0, INFINITE, 4.0, INFINITE], [0.1, f64::INFINITY], "times the light", "how much more than a surface's light, as the last picture has it, a path may bring by chance, times eight more than the paths of its history; inf: any";
         bounces: u32 = [3, 3, 3, 8], [1.0, 64.0], "", "virtual surfaces a path may visit; beyond the last it sees the real scene alone";
     }
     interpolate {

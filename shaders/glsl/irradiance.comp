@@ -19,8 +19,9 @@ void real_surface_light(ivec2 p) {
     RealStart from = real_start(p);
     Aim aim = real_aim(p, from, random);
     Ray ray = real_ray(aim, from);
-    // Light of the capture, and of the mixed scene.
-    vec3 radiance = vec3(0.0), mixed = vec3(0.0);
+    // Light of the capture, and how the mixed scene changes it.
+    vec3 radiance = vec3(0.0), change = vec3(0.0);
+    vec2 units = in_view.view.light_units;
     if (ray.weight.x > 0.0 || (EMITTERS != 0u && aim.emitter)) {
         SceneHit hit = virtual_trace(from.off_virtual, ray.d, ray.real.t, random);
         vec3 weight = mixed_weight(ray, aim, hit);
@@ -30,22 +31,21 @@ void real_surface_light(ivec2 p) {
             factor = chosen(p, share) ? 1.0 / share : 0.0;
         }
         radiance = (PI * factor) * ray.weight * hit_radiance(ray.real);
-        mixed = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, true, random);
+        change = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, true, random) - radiance;
+        if (PATH_LIMIT != 0u && is_by_chance(aim)) {
+            vec2 limit = path_limit(p, REAL) / units;
+            radiance = limited(radiance, limit.x);
+            change = limited(change, limit.y);
+        }
     }
     if (PUNCTUAL != 0u)
-        mixed += PI * punctual(from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0), random);
+        change += PI * punctual(from.off_real, from.off_virtual, real_lambert(from), lambert_lobes(), DIFFUSE, vec3(0.0), random);
     if (FAULT == FAULT_ENERGY_CLAMP) {
-        float least = min(1.0, 0.3 / max(luminance(max(radiance, mixed)), 1e-20));
+        float least = min(1.0, 0.3 / max(luminance(max(radiance, radiance + change)), 1e-20));
         radiance *= least;
-        mixed *= least;
+        change *= least;
     }
-    vec2 units = in_view.view.light_units;
-    Light light = Light(units.x * radiance, units.y * (mixed - radiance), vec2(0.0));
-    if (PATH_LIMIT != 0u) {
-        vec2 limit = path_limit(p, REAL);
-        light.a = limited(light.a, limit.x);
-        light.b = limited(light.b, limit.y);
-    }
+    Light light = Light(units.x * radiance, units.y * change, vec2(0.0));
     imageStore(out_irradiance, ivec3(p, REAL), light_pack(light));
 }
 
@@ -115,13 +115,14 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
         }
         if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, lobe == DIFFUSE && !behind, random);
     }
+    if (PATH_LIMIT != 0u && is_by_chance(drawn)) radiance = limited(radiance, lobe == DIFFUSE && !behind ? seen.limit.x : seen.limit.y);
     if (PUNCTUAL != 0u && !behind) {
         vec3 x = surface_origin(s), lamps = punctual(x, x, s, l, lobe, -seen.from_eye, random);
         radiance += (lobe == DIFFUSE ? PI : 1.0) / bsdf_probability(l, lobe) * lamps;
     }
     if (FAULT == FAULT_ENERGY_CLAMP) radiance *= min(1.0, 0.3 / max(luminance(radiance), 1e-20));
-    if (lobe == DIFFUSE && !behind) lambert += limited(radiance, seen.limit.x);
-    else rest += limited(radiance, seen.limit.y);
+    if (lobe == DIFFUSE && !behind) lambert += radiance;
+    else rest += radiance;
 }
 
 void virtual_surface_light(ivec2 p) {

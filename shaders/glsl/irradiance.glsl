@@ -410,15 +410,18 @@ float traced_share(ivec2 p) {
     return clamp(luminance(abs(last.b)) / (ALL * max(luminance(last.a), 1e-20)), push.least_share, 1.0);
 }
 
-// Returns how much luminance a path may bring to a and b, in packed units. A path that is found once in many thousand
-// would outshine its pixel. It may bring so much more than what is known of the light as that is a mean of paths: in the
-// mean it never counts for much more than the rest, and the longer the history, the less is lost.
+// Says whether a path may have met a light by chance: it did not aim at one.
+bool is_by_chance(Aim aim) { return !aim.light && !(EMITTERS != 0u && aim.emitter); }
+
+// Returns how much luminance a path may bring by chance to a and b, in packed units. One that is found once in many
+// thousand would outshine its pixel. It may bring so much more than what is known of the light as that is a mean of paths:
+// in the mean it never counts for much more than the rest, and the longer the history, the less is lost.
 vec2 path_limit(ivec2 p, int layer) {
     const float EARLY_PATHS = 8.0;
     Light last;
-    vec2 paths, known = vec2(PI, 1.0); // that of a surface amid the panorama's mean radiance
-    if (last_light(p, layer, last, paths)) known = vec2(luminance(abs(last.a)), luminance(abs(last.b)));
-    else paths = vec2(0.0);
+    vec2 paths;
+    if (!last_light(p, layer, last, paths)) return vec2(FAR);
+    vec2 known = vec2(luminance(abs(last.a)), luminance(abs(last.b)));
     // What no object changes now may be in a shadow next, and what is dark may be lit.
     known += layer == REAL ? vec2(0.0, 0.25 * known.x * in_view.view.light_units.y / in_view.view.light_units.x) : vec2(0.1);
     return push.path_limit * (paths + EARLY_PATHS) * known;

@@ -375,9 +375,9 @@ impl Plan {
         self.roulette() || self.sees_picture() || self.limits_paths()
     }
 
-    /// Whether one path may not bring much more light than the last picture shows.
+    /// Whether no path may bring much more light by chance than the last picture shows, which is filtered.
     pub fn limits_paths(&self) -> bool {
-        self.on(Part::Temporal) && self.settings.path_limit < f32::INFINITY
+        self.on(Part::Temporal) && self.on(Part::Atrous) && self.settings.path_limit < f32::INFINITY
     }
 
     /// Whether rays meet virtual objects by the device's ray queries.
