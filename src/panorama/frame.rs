@@ -265,8 +265,8 @@ fn ask_device(color: &Picture, depth: Option<&Picture>, spec: &PanoramaSpec) -> 
         }
         _ => Ok(()),
     };
-    // On the device both are 32-bit floats.
-    ask(color, &|count| 16 * count)?;
+    // On the device both are 32-bit floats, and colour has mip levels.
+    ask(color, &|count| 16 * count + 16 * count / 3)?;
     depth.map_or(Ok(()), |depth| ask(depth, &|count| 4 * count))
 }
 
