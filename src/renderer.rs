@@ -302,8 +302,8 @@ impl Renderer {
             Stands::Nothing if self.plan.history_in_brief() => view.light("accumulated", layer),
             _ => view.light(filtered(settings), layer),
         };
-        let last = [last(REAL)?, last(VIRTUAL)?];
-        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, relit, last, since)?;
+        let known = [relit, last(REAL)?, last(VIRTUAL)?];
+        lighting.irradiance.record(frame, view, &self.panorama.resources, &self.scene, known, since)?;
         if let Some(interpolate) = &lighting.interpolate {
             frame.barrier("interpolate reads traced neighbours");
             interpolate.record(frame, view)?;

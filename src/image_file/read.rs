@@ -363,7 +363,7 @@ impl Raster {
             let alphas = || values.par_chunks_exact(channels).map(|pixel| pixel[channels - 1] > zero);
             alphas().any(|known| known) && alphas().any(|known| !known)
         }
-        self.channels % 2 == 0
+        self.channels.is_multiple_of(2)
             && match &self.samples {
                 Samples::U8(values) => tells(values, self.channels, 0),
                 Samples::U16(values) => tells(values, self.channels, 0),

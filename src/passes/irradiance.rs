@@ -105,8 +105,7 @@ impl Irradiance {
         view: &View,
         panorama: &Resources,
         scene: &SceneBuffers,
-        relit: &Image,
-        [last, last_virtual]: [&Image; 2],
+        [relit, last, last_virtual]: [&Image; 3],
         since: Since,
     ) -> Result<()> {
         let push = |layer: u32| IrradiancePush {
