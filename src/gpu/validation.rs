@@ -119,7 +119,7 @@ pub const SUBMIT_CHECKS: (&str, &str) = (
 );
 
 /// Sets [`SUBMIT_CHECKS`] if validation is asked for and the layer is an older one, unless the user has set that variable.
-/// Newer layers are configured by [`settings`], over which the user's own configuration goes.
+/// Newer layers are configured by `settings`, over which the user's own configuration goes.
 ///
 /// # Safety
 /// No other thread may run, so call it first in `main`. Tests use `.cargo/config.toml` instead.
