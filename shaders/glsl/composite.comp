@@ -12,6 +12,7 @@
 #include "light_code.glsl"
 #include "light_units.glsl"
 #include "relit.glsl"
+#include "color_code.glsl"
 #include "tiles.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 1) const int LAYER = 0;
@@ -58,8 +59,8 @@ void main() {
     if (coverage < 1.0) {
         Light light = result_unpack(imageLoad(in_virtual_light, ivec3(p, VIRTUAL)));
         light_decode(VIRTUAL, light);
-        vec3 virtual_radiance = EMISSION != 0u ? imageLoad(in_emission, p).rgb : vec3(0.0);
-        virtual_radiance += imageLoad(in_albedo_virtual, p).rgb * light.a * (1.0 / PI);
+        vec3 virtual_radiance = EMISSION != 0u ? color_unpack(imageLoad(in_emission, p).x) : vec3(0.0);
+        virtual_radiance += color_unpack(imageLoad(in_albedo_virtual, p).x) * light.a * (1.0 / PI);
         if (SPECULAR != 0u) virtual_radiance += light.b;
         radiance = coverage * radiance + (1.0 - coverage) * virtual_radiance;
     }

@@ -5,9 +5,12 @@
 // In: image and other (texels of any meaning, one layer of each), codes (`hit`, or packed light). Out: picture, sRGB codes.
 #extension GL_EXT_scalar_block_layout : require
 #include "light_code.glsl"
+#include "color_code.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 
 const uint RADIANCE = 0u, DIRECTION = 1u, PLACE = 2u, MOTION = 3u, ID = 4u, SHARE = 5u, MASK = 6u, HISTORY = 7u, CODE = 8u, DIFFERENCE = 9u;
+
+const uint COLOR = 8u; // of `values`
 
 layout(set = 0, binding = 0) uniform sampler2DArray in_image;
 layout(set = 0, binding = 1) uniform sampler2DArray in_other;
@@ -19,7 +22,7 @@ layout(push_constant, scalar) uniform Push {
     uvec2 size;
     uint look;
     uint layer;
-    uint values;      // what codes are: 0 nothing or `hit`, 1 a of packed light, 2 b, 3 a + b
+    uint values;      // what codes are: 0 nothing or `hit`, 1 a of packed light, 2 b, 3 a + b, COLOR a colour
     uint brief;       // 1: packed light is in brief
     vec2 light_scales; // on a and b of packed light
     float exposure;
@@ -87,7 +90,8 @@ void main() {
     ivec3 at = min(ivec3(p, int(push.layer)), textureSize(in_image, 0) - 1);
     vec4 value = push.look == CODE ? vec4(0.0) : texelFetch(in_image, at, 0);
     uvec4 code = texelFetch(in_codes, min(ivec3(p, int(push.layer)), textureSize(in_codes, 0) - 1), 0);
-    if (push.values != 0u) {
+    if (push.values == COLOR) value.rgb = color_unpack(code.x);
+    else if (push.values != 0u) {
         Light light = light_unpack(code);
         if (push.brief != 0u) light = brief_unpack(code);
         vec3 a = push.light_scales.x * light.a, b = push.light_scales.y * light.b;
@@ -102,7 +106,7 @@ void main() {
     case MOTION: color = vec3(clamp(0.5 + value.xy / 32.0, 0.0, 1.0), 0.5); break;
     case ID: color = value.x < 0.5 ? vec3(0.2) : hue(uint(value.x)); break;
     case SHARE: color = vec3(clamp(value.x, 0.0, 1.0)); break;
-    case MASK: color = vec3(value.x < 0.0 ? 0.4 : min(value.x, 1.0)); break;
+    case MASK: color = vec3(value.x < 0.0 ? 0.4 : min(127.0 * value.x, 1.0)); break;
     case HISTORY: color = ramp(value.x / 64.0); break;
     case CODE: color = code.x == 0xffffffffu ? vec3(0.2) : hue(code.x * 7919u + code.y); break;
     case DIFFERENCE: {

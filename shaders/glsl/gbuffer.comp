@@ -6,7 +6,7 @@
 // Pass 1, gbuffer: primary visibility of panorama and objects at each pixel's centre (IPRT §2,
 // "preprocessing"). If no object is inserted, it writes L_cam alone. For a map of irradiance it writes real
 // surfaces alone.
-// In: panorama radiance, depth and normals; the scene. Out: guide of
+// In: panorama radiance, depth and normals; the scene; reflected of the last frame. Out: guide of
 // the real surface; L_cam (radiance); hit, and the list of pixels that hit an object; M at the centre goes to
 // camera_radiance.w, and coverage refines it. Without objects in view: the tiles.
 #include "common.glsl"
@@ -44,7 +44,10 @@ void main() {
             // Few pixels show objects, and stores cost much: only what has changed is written.
             uvec4 had = inside ? imageLoad(hit, p) : uvec4(NONE, 0u, 0u, 0u);
             bool lost = had.x != NONE && !met;
-            if (PAST != 0u && inside && (had.x != NONE || had.y == HAD_HIT)) imageStore(out_past, ivec3(p, VIRTUAL), past_pack(imageLoad(guide, ivec3(p, VIRTUAL))));
+            if (PAST != 0u && inside && (had.x != NONE || had.y == HAD_HIT)) {
+                float reflected = REFLECTIONS != 0u ? imageLoad(in_reflected, p).z : 0.0;
+                imageStore(out_past, ivec3(p, VIRTUAL), past_pack(imageLoad(guide, ivec3(p, VIRTUAL)), reflected));
+            }
             if (met) imageStore(hit, p, uvec4(found.instance, found.triangle, floatBitsToUint(found.barycentric)));
             else if (lost || (had.x == NONE && had.y == HAD_HIT)) imageStore(hit, p, uvec4(NONE, lost ? HAD_HIT : 0u, 0u, 0u));
             if (lost) write_no_virtual(p);
@@ -66,7 +69,7 @@ void main() {
     // A free lamp hides objects and is not lit itself.
     bool has_real = inside && real.t < FAR && !real.lamp;
     if (inside) {
-        if (PAST != 0u) imageStore(out_past, ivec3(p, REAL), past_pack(imageLoad(guide, ivec3(p, REAL))));
+        if (PAST != 0u) imageStore(out_past, ivec3(p, REAL), past_pack(imageLoad(guide, ivec3(p, REAL)), 0.0));
         vec3 normal = imageLoad(in_panorama_normal, real.texel).xyz;
         if (dot(normal, d) > 0.0) normal = -normal; // a camera off the centre sees it from behind
         uvec4 seen = guide_pack(origin + d * min(real.t, 1e15), normal, 1.0, has_real ? REAL_SURFACE : NO_SURFACE);

@@ -4,6 +4,8 @@ layout(constant_id = 9) const uint FILL_UNSEEN = 0; // 1: what lies behind an ed
 
 const uint HAD_HIT = 1u; // in `hit`, beside NONE: there was one a frame ago
 
+#include "color_code.glsl"
+
 struct RealPoint { float t; vec2 uv; ivec2 texel; bool lamp; };
 
 // Finds what a primary ray shows where the capture saw nothing. A skirt shows the farthest of the texel that
@@ -107,14 +109,14 @@ void write_virtual(ivec2 p, SceneHit met, vec3 d, float opacity) {
     // Relative to where the ray meets the image, so that a surface seen beside the pixel's centre is followed.
     const float MOST = 65000.0;
     imageStore(out_motion, p, clamp(motion_of(vec2(p) + 0.5, previous, 0.0), -MOST, MOST));
-    imageStore(out_albedo_virtual, p, vec4(lobes.diffuse, 0.0));
-    if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(s.emissive, vec3(65000.0)), 0.0));
+    imageStore(out_albedo_virtual, p, uvec4(color_pack(lobes.diffuse) & ~FLAG));
+    if (EMISSION != 0u) imageStore(out_emission, p, uvec4(color_pack(s.emissive)));
     imageStore(guide, ivec3(p, VIRTUAL), guide_pack(s.position, s.normal, s.roughness, guide_object(in_instances.instance[met.instance].id)));
 }
 #endif
 
 void write_no_virtual(ivec2 p) {
     imageStore(out_mask, ivec3(p, VIRTUAL), vec4(0.0));
-    imageStore(out_albedo_virtual, p, vec4(0.0));
-    if (EMISSION != 0u) imageStore(out_emission, p, vec4(0.0));
+    imageStore(out_albedo_virtual, p, uvec4(0u));
+    if (EMISSION != 0u) imageStore(out_emission, p, uvec4(0u));
 }

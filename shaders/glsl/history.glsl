@@ -18,7 +18,7 @@ float history_weight(inout ivec2 q, int layer, vec4 motion, uvec4 guide) {
     if (!neighbour(q)) return 0.0;
     if (FAULT == FAULT_HISTORY_OF_OTHERS) return 1.0;
     // What stands still is not packed.
-    uvec4 past = STANDS == STILL ? past_pack(imageLoad(in_guide, ivec3(q, layer))) : imageLoad(in_past, ivec3(q, layer));
+    uvec4 past = STANDS == STILL ? past_pack(imageLoad(in_guide, ivec3(q, layer)), 0.0) : imageLoad(in_past, ivec3(q, layer));
     uvec4 then = past_guide(past);
     if (guide_id(then) != guide_id(guide)) return 0.0;
     float distance = past_distance(past);

@@ -7,6 +7,7 @@
 #include "parts.glsl"
 #include "bind/images.glsl"
 #include "tiles.glsl"
+#include "mask.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -16,7 +17,7 @@ layout(constant_id = 10) const int RADIUS = 2;
 void main() {
     ivec2 p;
     if (!tile_pixel(LAYER, p)) return;
-    if (imageLoad(in_mask, ivec3(p, LAYER)).x >= 0.0) return;
+    if (mask_at(ivec3(p, LAYER)) >= 0.0) return;
     uvec4 guide = imageLoad(in_guide, ivec3(p, LAYER));
     vec3 position = guide_position(guide), normal = guide_normal(guide);
     float distance = length(position - in_view.view.position);
@@ -25,7 +26,7 @@ void main() {
     for (int y = -RADIUS; y <= RADIUS; y++) {
         for (int x = -RADIUS; x <= RADIUS; x++) {
             ivec2 q = p + ivec2(x, y);
-            if (!neighbour(q) || imageLoad(in_mask, ivec3(q, LAYER)).x <= 0.0) continue;
+            if (!neighbour(q) || mask_at(ivec3(q, LAYER)) <= 0.0) continue;
             uvec4 other = imageLoad(in_guide, ivec3(q, LAYER));
             float distance2 = float(x * x + y * y);
             float apart = guide_off_plane(position, normal, other) / guide_tolerance(distance, sqrt(distance2));

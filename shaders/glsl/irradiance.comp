@@ -12,6 +12,8 @@
 // panorama. Out: irradiance (E_R and ΔE | E and the rest).
 #include "irradiance.glsl"
 #include "reflection.glsl"
+#include "mask.glsl"
+#include "color_code.glsl"
 layout(local_size_x = 64) in;
 
 void real_surface_light(ivec2 p) {
@@ -82,7 +84,7 @@ void other_point(ivec2 p, uint path, vec3 albedo, inout Seen seen) {
 void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3 lambert, inout vec3 rest, inout Reflected reflected) {
     uint instance = seen.instance;
     path_color = WHITE;
-    if (seen.varied) other_point(p, path, imageLoad(in_albedo_virtual, p).rgb, seen);
+    if (seen.varied) other_point(p, path, color_unpack(imageLoad(in_albedo_virtual, p).x), seen);
     Surface s = seen.surface;
     Lobes l = seen.lobes;
     vec3 origin = surface_origin(s), numbers = first_numbers(p, uint(VIRTUAL), path);
@@ -142,10 +144,10 @@ void virtual_surface_light(ivec2 p) {
     bool smooth_coat = CLEARCOAT != 0u && seen.surface.clearcoat > 0.0 && seen.surface.clearcoat_roughness < SMOOTH;
     bool is_smooth = SPECULAR != 0u && (seen.surface.roughness < SMOOTH || smooth_coat);
     seen.instance = id.x;
-    seen.varied = VIRTUAL_TRACER != SCREEN && (is_smooth || imageLoad(in_albedo_virtual, p).w > 0.0);
+    seen.varied = VIRTUAL_TRACER != SCREEN && (is_smooth || (imageLoad(in_albedo_virtual, p).x & FLAG) != 0u);
     seen.albedo_ratio = vec3(1.0);
     seen.limit = PATH_LIMIT != 0u ? path_limit(p, VIRTUAL) / in_view.view.light_units.y : vec2(FAR);
-    uint paths = EARLY != 0u ? uint(max(imageLoad(in_mask, ivec3(p, VIRTUAL)).x, 1.0)) : 1u;
+    uint paths = EARLY != 0u ? uint(max(mask_at(ivec3(p, VIRTUAL)), 1.0)) : 1u;
     vec3 lambert = vec3(0.0), rest = vec3(0.0);
     Reflected reflected = Reflected(0.0, vec3(0.0));
     if (EARLY == 0u) virtual_path(p, 0u, seen, random, lambert, rest, reflected);
@@ -156,7 +158,7 @@ void virtual_surface_light(ivec2 p) {
             if (reflected.t <= 0.0) reflected.t = real_distance(seen.surface.position, reflect(seen.from_eye, seen.surface.normal));
             texel = reflection_motion(vec2(p) + 0.5, seen.surface, on, seen.from_eye, reflected.t, reflected.moved);
         }
-        imageStore(out_reflected, ivec3(p, LIGHT_NOW(VIRTUAL) & 1), texel);
+        imageStore(out_reflected, p, texel);
     }
     float unit = in_view.view.light_units.y / float(paths);
     imageStore(out_irradiance, ivec3(p, VIRTUAL), light_pack(Light(unit * lambert, unit * rest, vec2(0.0))));

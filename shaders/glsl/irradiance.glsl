@@ -82,7 +82,7 @@ float pictured_light(vec3 point, inout Light light) {
         ivec2 o = ivec2(k & 1, k >> 1), q = i + o;
         float w = (o.x == 1 ? f.x : 1.0 - f.x) * (o.y == 1 ? f.y : 1.0 - f.y);
         if (!neighbour(q)) continue;
-        uvec4 past = push.packed != 0u ? imageLoad(in_past, ivec3(q, REAL)) : past_pack(imageLoad(in_guide, ivec3(q, REAL)));
+        uvec4 past = push.packed != 0u ? imageLoad(in_past, ivec3(q, REAL)) : past_pack(imageLoad(in_guide, ivec3(q, REAL)), 0.0);
         Light last = result_unpack(imageLoad(in_light, ivec3(q, REAL)));
         bool same = guide_id(past_guide(past)) == REAL_SURFACE && abs(past_distance(past) - there.z) < 0.03 * there.z;
         if (!same || last.deviation.x < 0.0) continue;

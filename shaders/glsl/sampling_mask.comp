@@ -11,6 +11,7 @@
 #include "tiles.glsl"
 #include "changes.glsl"
 #include "turn.glsl"
+#include "mask.glsl"
 #include "guide.glsl"
 #include "light_code.glsl"
 #include "history.glsl"
@@ -85,7 +86,7 @@ void main() {
     bool present = inside && in_view.view.instance_count + in_view.view.light_count > 0u && guide_id(guide) != NO_SURFACE;
     float paths = present ? path_count(p, LAYER, guide) : 0.0;
     bool trace = paths > 0.0;
-    if (inside) imageStore(out_mask, ivec3(p, LAYER), vec4(present && !trace ? -1.0 : paths));
+    if (inside) imageStore(out_mask, ivec3(p, LAYER), vec4((present && !trace ? -1.0 : paths) / MOST_PATHS));
     if (MARK_UNTRACED != 0u && present && !trace) imageStore(out_irradiance, ivec3(p, LAYER), LIGHT_UNKNOWN);
     append_pixels(bvec2(LAYER == REAL && trace, LAYER == VIRTUAL && trace), p);
 }

@@ -64,6 +64,6 @@ void main() {
     }
     float virtual_count = float(n) - real_count;
     if (virtual_count <= 0.0) return;
-    imageStore(out_albedo_virtual, p, vec4(albedo / virtual_count, float(still)));
-    if (EMISSION != 0u) imageStore(out_emission, p, vec4(min(emitted / virtual_count, vec3(65000.0)), 0.0));
+    imageStore(out_albedo_virtual, p, uvec4((color_pack(albedo / virtual_count) & ~FLAG) | (still ? FLAG : 0u)));
+    if (EMISSION != 0u) imageStore(out_emission, p, uvec4(color_pack(emitted / virtual_count)));
 }

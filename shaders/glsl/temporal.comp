@@ -9,6 +9,7 @@
 #include "parts.glsl"
 #include "bind/images.glsl"
 #include "tiles.glsl"
+#include "mask.glsl"
 #include "changes.glsl"
 #include "followed.glsl"
 #include "guide.glsl"
@@ -82,9 +83,9 @@ const float RESAMPLED = 2.0; // frames
 // one does: something at the distance that this then had. `q` wraps.
 float reflection_weight(inout ivec2 q, vec4 reflected, uvec4 guide) {
     if (!neighbour(q)) return 0.0;
-    uvec4 then = past_guide(imageLoad(in_past, ivec3(q, VIRTUAL)));
+    uvec4 past = imageLoad(in_past, ivec3(q, VIRTUAL)), then = past_guide(past);
     if (guide_id(then) != guide_id(guide) || abs(guide_roughness(then) - guide_roughness(guide)) > 0.1) return 0.0;
-    float distance = imageLoad(in_reflected, ivec3(q, LIGHT_BEFORE(VIRTUAL) & 1)).z;
+    float distance = past_reflected(past);
     if (distance <= 0.0 || (guide_roughness(guide) < SHARP && abs(distance - reflected.w) > 0.1 * reflected.w)) return 0.0;
     return dot(guide_normal(then), guide_normal(guide)) > 0.85 * 127.0 * 127.0 ? 1.0 : 0.0;
 }
@@ -130,7 +131,7 @@ void main() {
     ivec2 p;
     if (!tile_pixel(LAYER, p)) return;
     ivec3 at = ivec3(p, LAYER), kept = ivec3(p, LIGHT_NOW(LAYER));
-    float mask = imageLoad(in_mask, at).x;
+    float mask = mask_at(at);
     if (mask == 0.0) {
         imageStore(frames, kept, vec4(0.0));
         return;
@@ -147,7 +148,7 @@ void main() {
     History old = reproject(p, guide);
     if (REFLECTIONS != 0u && MOVES && mask > 0.0 && push.history_valid != 0u) {
         // What a smooth surface reflects has a history where that was seen.
-        vec4 reflected = imageLoad(in_reflected, ivec3(p, LIGHT_NOW(VIRTUAL) & 1));
+        vec4 reflected = imageLoad(in_reflected, p);
         if (reflected.z > 0.0) {
             bool still = dot(reflected.xy, reflected.xy) < 1e-6;
             History seen = resample(vec2(p) + (still ? vec2(0.0) : reflected.xy), reflected, guide, true);
@@ -179,7 +180,7 @@ void main() {
                 [[unroll]] for (int x = -REACH; x <= REACH; x++) {
                     ivec2 offset = first + STEP * ivec2(x, y), q = p + offset;
                     if (any(greaterThan(offset, ivec2(2))) || !neighbour(q)) continue;
-                    float taken = imageLoad(in_mask, ivec3(q, LAYER)).x;
+                    float taken = mask_at(ivec3(q, LAYER));
                     if (FILTERED != 0u ? taken == 0.0 : taken <= 0.0) continue;
                     if (guide_id(imageLoad(in_guide, ivec3(q, LAYER))) != guide_id(guide)) continue;
                     Light other = light_of_frame(ivec3(q, LAYER));

@@ -20,6 +20,8 @@ use crate::{Error, Result};
 pub enum Format {
     /// One 32-bit float.
     R32f,
+    /// A whole number from −127 to 127, which shaders see as its 127th part.
+    R8Snorm,
     /// One 16-bit float.
     R16f,
     /// Two 16-bit floats.
@@ -41,8 +43,9 @@ pub enum Format {
 }
 
 impl Format {
-    pub(super) const ALL: [Self; 10] = [
+    pub(super) const ALL: [Self; 11] = [
         Self::R32f,
+        Self::R8Snorm,
         Self::R16f,
         Self::Rg16f,
         Self::Rg32f,
@@ -57,6 +60,7 @@ impl Format {
     /// Bytes of one texel.
     pub const fn bytes(self) -> u64 {
         match self {
+            Self::R8Snorm => 1,
             Self::R16f => 2,
             Self::R32f | Self::R32u | Self::Rg16f | Self::Rgba8 => 4,
             Self::Rg32f | Self::Rg32u | Self::Rgba16f => 8,
@@ -67,6 +71,7 @@ impl Format {
     pub(super) const fn vulkan(self) -> vk::Format {
         match self {
             Self::R32f => vk::Format::R32_SFLOAT,
+            Self::R8Snorm => vk::Format::R8_SNORM,
             Self::R16f => vk::Format::R16_SFLOAT,
             Self::Rg16f => vk::Format::R16G16_SFLOAT,
             Self::Rg32f => vk::Format::R32G32_SFLOAT,

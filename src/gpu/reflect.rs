@@ -312,6 +312,7 @@ impl<'a> Shader<'a> {
                 let Operand::ImageFormat(format) = format else { return unknown() };
                 let format = match format {
                     ImageFormat::R32f => Format::R32f,
+                    ImageFormat::R8Snorm => Format::R8Snorm,
                     ImageFormat::R16f => Format::R16f,
                     ImageFormat::Rg16f => Format::Rg16f,
                     ImageFormat::Rg32f => Format::Rg32f,

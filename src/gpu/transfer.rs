@@ -133,6 +133,17 @@ impl Gpu {
         Ok(bytes.chunks_exact(16).map(|texel| std::array::from_fn(|i| number(texel, i))).collect())
     }
 
+    /// Reads one layer of 32-bit words.
+    ///
+    /// # Errors
+    /// Fails with [`Error::Internal`] if there is no such layer or the texels have another size.
+    pub fn read_words(&self, image: &Image, layer: u32) -> Result<Vec<u32>> {
+        if image.format() != Format::R32u {
+            return Err(Error::Internal(format!("{image:?} holds no words")));
+        }
+        Ok(self.read_bytes(image, layer, 0)?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
     fn read_bytes(&self, image: &Image, layer: u32, level: u32) -> Result<Vec<u8>> {
         let region = region(image, layer, level)?;
         let bytes = level_bytes(image, level);
@@ -200,6 +211,7 @@ fn decode(format: Format, bytes: &[u8]) -> Vec<[f32; 4]> {
         Format::Rg32f => pack(2, words().map(f32::from_le_bytes).collect()),
         Format::Rgba32f => pack(4, words().map(f32::from_le_bytes).collect()),
         Format::Rgba8 => pack(4, bytes.iter().map(|&code| f32::from(code) / 255.0).collect()),
+        Format::R8Snorm => pack(1, bytes.iter().map(|&code| f32::from(code as i8)).collect()),
         Format::R16f => pack(1, halves().collect()),
         Format::Rg16f => pack(2, halves().collect()),
         Format::Rgba16f => pack(4, halves().collect()),
@@ -222,6 +234,7 @@ mod tests {
         assert_eq!(decode(Format::Rg32f, &f(&[1.5, 2.0])), [[1.5, 2.0, 0.0, 0.0]]);
         assert_eq!(decode(Format::Rgba32f, &f(&[1.0, 2.0, 3.0, 4.0])), [[1.0, 2.0, 3.0, 4.0]]);
         assert_eq!(decode(Format::Rgba16f, &h), [[1.0, -2.0, 0.5, 4.0]]);
+        assert_eq!(decode(Format::R8Snorm, &[3, 255]), [[3.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0]]);
         assert_eq!(decode(Format::R16f, &h[..2]), [[1.0, 0.0, 0.0, 0.0]]);
         assert_eq!(decode(Format::Rgba8, &[255, 0, 51, 255]), [[1.0, 0.0, 0.2, 1.0]]);
         assert_eq!(decode(Format::R32u, &u(&[7])), [[7.0, 0.0, 0.0, 0.0]]);

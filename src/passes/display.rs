@@ -131,6 +131,8 @@ pub enum Values {
     Motion,
     /// the number of an object.
     Object,
+    /// As a colour in a word.
+    Color,
 }
 
 impl Values {

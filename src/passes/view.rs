@@ -264,7 +264,7 @@ impl Declared {
 }
 
 const DECLARED: &[Declared] = {
-    use Format::{R16f, R32f, Rg16f, Rg32u, Rgba16f, Rgba32f, Rgba32u};
+    use Format::{R8Snorm, R16f, R32u, Rg16f, Rg32u, Rgba16f, Rgba32f, Rgba32u};
     use Holds::{Lobes, Pixel, Surfaces};
     use Part::{Emission, Objects, Temporal, VirtualSurfaces};
     &[
@@ -272,13 +272,13 @@ const DECLARED: &[Declared] = {
         Declared::new("guide", Rgba32u, Surfaces, &[Objects]),
         Declared::new("past", Rg32u, Surfaces, &[Objects, Temporal]),
         Declared::new("camera_radiance", Rgba32f, Pixel, &[]).of_picture(),
-        Declared::new("albedo_virtual", Rgba16f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
-        Declared::new("emission", Rgba16f, Pixel, &[Objects, VirtualSurfaces, Emission]).of_picture(),
+        Declared::new("albedo_virtual", R32u, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
+        Declared::new("emission", R32u, Pixel, &[Objects, VirtualSurfaces, Emission]).of_picture(),
         Declared::new("hit", Rgba32u, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
-        Declared::new("real_coverage", R32f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
-        Declared::new("reflected", Rgba16f, Pixel, &[Part::Reflections]).of_picture().with_history(),
+        Declared::new("real_coverage", R16f, Pixel, &[Objects, VirtualSurfaces]).of_picture(),
+        Declared::new("reflected", Rgba16f, Pixel, &[Part::Reflections]).of_picture(),
         Declared::new("radiance", Rgba32f, Pixel, &[]).of_picture(),
-        Declared::new("mask", R16f, Surfaces, &[Objects]),
+        Declared::new("mask", R8Snorm, Surfaces, &[Objects]),
         Declared::new("irradiance", Rgba32u, Surfaces, &[Objects]).packed(),
         Declared::new("a", Rgba32f, Surfaces, &[Objects, Temporal]).with_history().unless_brief(),
         Declared::new("b", Rgba32f, Lobes, &[Objects, Temporal]).with_history().unless_brief(),
@@ -297,6 +297,11 @@ pub fn of_surfaces(image: &str) -> bool {
 /// Whether an image holds a and b, as `light_code.glsl` packs them, in full or in brief.
 pub fn is_packed(image: &str) -> bool {
     DECLARED.iter().any(|declared| declared.name == image && declared.packed)
+}
+
+/// Whether an image holds a colour in a word, as `color_code.glsl` packs it.
+pub fn is_color(image: &str) -> bool {
+    DECLARED.iter().any(|declared| declared.name == image && declared.format == Format::R32u)
 }
 
 /// Bytes of the arguments of an indirect dispatch, as in `list.glsl`.

@@ -10,7 +10,7 @@ use crate::{
         geometry,
         resources::Resource,
         unknown::Unknown,
-        view::{REAL, VIRTUAL, is_packed, of_surfaces},
+        view::{REAL, VIRTUAL, is_color, is_packed, of_surfaces},
     },
     plan::Part,
 };
@@ -68,8 +68,11 @@ impl Renderer {
         // other images say what these hold, in other words
         let own =
             images.filter(|(name, _)| !["guide", "past", "motion", "a", "b"].contains(name)).flat_map(|&(name, _)| {
-                let lights: &[_] =
-                    if is_packed(name) { &[("_a", Values::A), ("_b", Values::B)] } else { &[("", Values::Floats)] };
+                let lights: &[_] = match () {
+                    () if is_packed(name) => &[("_a", Values::A), ("_b", Values::B)],
+                    () if is_color(name) => &[("", Values::Color)],
+                    () => &[("", Values::Floats)],
+                };
                 let layers: &[_] =
                     if of_surfaces(name) { &[("_real", REAL), ("_virtual", VIRTUAL)] } else { &[("", 0)] };
                 let named = |(light, values): (&str, Values), (suffix, layer): (&str, u32)| {
@@ -150,6 +153,9 @@ impl Renderer {
         if values == Values::Floats {
             return self.gpu.read_image(image, layer);
         }
+        if values == Values::Color {
+            return Ok(self.gpu.read_words(image, layer)?.into_iter().map(unpack_color).collect());
+        }
         Ok(self.read_light(image, layer, brief)?.into_iter().map(light).collect())
     }
 
@@ -220,6 +226,12 @@ impl Renderer {
             None => Err(left_out(resources.absent(image).unwrap_or(Part::Objects))),
         }
     }
+}
+
+/// Does what `color_unpack` in `color_code.glsl` does.
+fn unpack_color(code: u32) -> [f32; 4] {
+    let part = |shift: u32| ((code >> shift) & 511) as f32 * ((code >> 27) as f32 - 24.0).exp2();
+    [part(0), part(9), part(18), 1.0]
 }
 
 /// The image that is made when it is read.

@@ -15,29 +15,30 @@ layout(set = 0, binding = 31, rg32ui) uniform writeonly uimage2DArray out_past;
 // L_cam; w: how much of the pixel's centre is real, 0 or 1 where nothing is half transparent.
 layout(set = 0, binding = 39, rgba32f) uniform readonly image2D in_camera_radiance;
 layout(set = 0, binding = 40, rgba32f) uniform image2D camera_radiance;
-// Albedo k_V of the Lambert lobe under the GGX lobe, the pixel's mean; w 1 where it holds several surfaces that stand still.
-layout(set = 0, binding = 41, rgba16f) uniform readonly image2D in_albedo_virtual;
-layout(set = 0, binding = 42, rgba16f) uniform writeonly image2D out_albedo_virtual;
-// Radiance that the virtual surface emits.
-layout(set = 0, binding = 43, rgba16f) uniform readonly image2D in_emission;
-layout(set = 0, binding = 44, rgba16f) uniform writeonly image2D out_emission;
+// Albedo k_V of the Lambert lobe under the GGX lobe, the pixel's mean: see color_code.glsl. FLAG is set where it holds
+// several surfaces that stand still.
+layout(set = 0, binding = 41, r32ui) uniform readonly uimage2D in_albedo_virtual;
+layout(set = 0, binding = 42, r32ui) uniform writeonly uimage2D out_albedo_virtual;
+// Radiance that the virtual surface emits: see color_code.glsl.
+layout(set = 0, binding = 43, r32ui) uniform readonly uimage2D in_emission;
+layout(set = 0, binding = 44, r32ui) uniform writeonly uimage2D out_emission;
 // Instance, triangle, barycentric coordinates (float bits) of the virtual surface, or NONE and whether there was one
 // a frame ago (HAD_HIT).
 layout(set = 0, binding = 45, rgba32ui) uniform readonly uimage2D in_hit;
 layout(set = 0, binding = 46, rgba32ui) uniform writeonly uimage2D out_hit;
 layout(set = 0, binding = 64, rgba32ui) uniform uimage2D hit;
 // What a smooth virtual surface reflects: xy motion to the previous frame in pixels, z its distance from the surface (m;
-// 0: the surface is not smooth), w that distance a frame ago. The layer is that of light, of this frame and the last.
-layout(set = 0, binding = 84, rgba16f) uniform readonly image2DArray in_reflected;
-layout(set = 0, binding = 85, rgba16f) uniform writeonly image2DArray out_reflected;
+// 0: the surface is not smooth), w that distance a frame ago.
+layout(set = 0, binding = 84, rgba16f) uniform readonly image2D in_reflected;
+layout(set = 0, binding = 85, rgba16f) uniform writeonly image2D out_reflected;
 // M, from 0 to 1.
-layout(set = 0, binding = 47, r32f) uniform readonly image2D in_real_coverage;
-layout(set = 0, binding = 48, r32f) uniform image2D real_coverage;
+layout(set = 0, binding = 47, r16f) uniform readonly image2D in_real_coverage;
+layout(set = 0, binding = 48, r16f) uniform image2D real_coverage;
 // The picture: linear radiance, w 1.
 layout(set = 0, binding = 49, rgba32f) uniform writeonly image2D out_radiance;
-// How many paths are traced this frame; 0: nothing to light, -1: not traced.
-layout(set = 0, binding = 50, r16f) uniform readonly image2DArray in_mask;
-layout(set = 0, binding = 51, r16f) uniform writeonly image2DArray out_mask;
+// How many paths are traced this frame, over 127; 0: nothing to light, below: not traced.
+layout(set = 0, binding = 50, r8_snorm) uniform readonly image2DArray in_mask;
+layout(set = 0, binding = 51, r8_snorm) uniform writeonly image2DArray out_mask;
 // Light of this frame, as light_code.glsl packs it. Real: a is E_R, b is ΔE. Virtual: a is E of the Lambert
 // lobe, b the radiance of all other lobes.
 layout(set = 0, binding = 52, rgba32ui) uniform uimage2DArray irradiance;

@@ -109,7 +109,6 @@ impl View {
     /// The layer of an image in which this frame has the values of real or of virtual surfaces.
     pub fn layer(&self, image: &str, layer: u32) -> u32 {
         match image {
-            "reflected" => self.light_turn(VIRTUAL),
             _ if self.histories.contains(&image) => self.history_layer(layer, self.light_turn(layer)),
             _ => layer,
         }
