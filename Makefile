@@ -7,7 +7,7 @@ IPRT = $(or $(CARGO_TARGET_DIR),target)/release/iprt
 # cargo-nextest where it is installed.
 RUNNER = $(shell cargo nextest --version >/dev/null 2>&1 && echo "nextest run" || echo test)
 
-.PHONY: demo results chart gallery build test faults fuzz validation lint docs setup clean
+.PHONY: demo results chart strip gallery build test faults fuzz validation lint docs setup clean
 
 demo: build
 	mkdir -p out
@@ -23,6 +23,11 @@ results: build
 # A small chart of the settings, made within ten minutes on two cores.
 chart: build
 	$(IPRT) chart apartment -o out/chart --sweep small --markdown docs/results.md
+
+# The film strip of docs/results.md.
+strip: build
+	scripts/film_strip
+	cp out/film_strip/film_strip.jpg docs/images/film_strip.jpg
 
 # docs/gallery.md: spheres of every lobe and the models of the test data, in one sheet.
 gallery: build

@@ -141,7 +141,11 @@ impl Gpu {
         if image.format() != Format::R32u {
             return Err(Error::Internal(format!("{image:?} holds no words")));
         }
-        Ok(self.read_bytes(image, layer, 0)?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+        Ok(self
+            .read_bytes(image, layer, 0)?
+            .chunks_exact(4)
+            .map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+            .collect())
     }
 
     fn read_bytes(&self, image: &Image, layer: u32, level: u32) -> Result<Vec<u8>> {
