@@ -71,22 +71,28 @@ pub fn set_device(device: Device) {
     *DEVICE.lock().unwrap_or_else(PoisonError::into_inner) = Some(device);
 }
 
-/// Refuses a panorama of this size that takes so many bytes, if the device cannot hold it.
+/// Refuses a panorama of this size, if the device cannot hold it. `bytes` says of a number of texels how many the largest
+/// image of them takes, and how many all.
 ///
 /// # Errors
 /// Fails with both numbers, and the `--panorama-size` that can be held.
-pub fn ask_device(subject: &str, [width, height]: [u32; 2], bytes: u64) -> Result<()> {
+pub fn ask_device(subject: &str, [width, height]: [u32; 2], bytes: &dyn Fn(u64) -> [u64; 2]) -> Result<()> {
     let device = DEVICE.lock().unwrap_or_else(PoisonError::into_inner);
     let Some(Device { name, side, image, all }) = device.as_ref() else { return Ok(()) };
-    let most = (*image).min(*all);
-    let fits = |by: u32| width.max(height).div_ceil(by) <= *side && bytes / u64::from(by).pow(2) <= most;
+    let takes = |by: u32| bytes(u64::from(width.div_ceil(by)) * u64::from(height.div_ceil(by)));
+    let fits = |by: u32| {
+        let [largest, sum] = takes(by);
+        width.max(height).div_ceil(by) <= *side && largest <= *image && sum <= *all
+    };
     if fits(1) {
         return Ok(());
     }
     let problem = if width.max(height) > *side {
         format!("has {width}x{height} texels, and {name} holds images of at most {side} a side")
     } else {
-        format!("has {width}x{height} texels, which take {}, and {name} holds {}", words(bytes), words(most))
+        let [largest, sum] = takes(1);
+        let (takes, most) = if largest > *image { (largest, *image) } else { (sum, *all) };
+        format!("has {width}x{height} texels, which take {}, and {name} holds {}", words(takes), words(most))
     };
     let smaller = (1..=16).map(|power| 1 << power).find(|by| fits(*by)).map_or(8, |by| (width / by).max(8));
     Err(Error::input(subject, problem, format!("give --panorama-size {smaller}, which reduces it as it is read")))

@@ -30,7 +30,7 @@ void main() {
             ivec2 texel = ivec2((x + size.x + (beyond ? size.x / 2 : 0)) % size.x, y < 0 ? -1 - y : beyond ? 2 * size.y - 1 - y : y);
             float weight = row * hat(from.x - float(x) - 0.5, to.x - float(x) - 0.5);
             if (weight > 0.0) {
-                vec4 shown = imageLoad(in_panorama_radiance, texel);
+                vec4 shown = panorama_texel(texel);
                 vec3 radiance = shown.rgb * shown.w;
                 if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction((vec2(texel) + 0.5) / vec2(size)), radiance);
                 sum += weight * luminance(radiance);

@@ -2,6 +2,7 @@
 // at each texel centre, quads of four neighbours split along (i,j)–(i+1,j+1), and a fan to each pole.
 
 #include "bind/panorama.glsl"
+#include "halves.glsl"
 layout(constant_id = 3) const uint MINIFIED = 0; // 1: the picture is coarser than the panorama and reads its mip levels
 
 const uint FREE = 0u;
@@ -18,6 +19,17 @@ struct PanoramaHit {
 #include "lamps.glsl"
 #include "edges.glsl"
 
+// Returns a texel of the radiance, as `in_panorama_radiance` has it.
+vec4 panorama_texel(ivec2 p) {
+    return HALVES != 0u ? from_halves(texelFetch(panorama_levels, p, 0)) : imageLoad(in_panorama_radiance, p);
+}
+
+// Returns a texel of a mip level.
+vec3 panorama_level_texel(ivec2 p, int level) {
+    vec4 texel = texelFetch(panorama_levels, p, level);
+    return HALVES != 0u ? from_halves(texel).rgb : texel.rgb;
+}
+
 vec2 panorama_uv(vec3 d) {
     float u = (arctangent(d.x, -d.z) + in_view.view.yaw) * (0.5 / PI) + 0.5;
     return vec2(u - floor(u), arctangent(length(d.xz), d.y) / PI);
@@ -29,8 +41,8 @@ vec3 panorama_bilinear(vec2 uv) {
     vec2 p = uv * vec2(size) - 0.5;
     ivec2 i = ivec2(floor(p));
     vec2 f = p - vec2(i);
-    vec3 a = imageLoad(in_panorama_radiance, wrap_texel(i, size)).rgb, b = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(1, 0), size)).rgb;
-    vec3 c = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(0, 1), size)).rgb, d = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(1, 1), size)).rgb;
+    vec3 a = panorama_texel(wrap_texel(i, size)).rgb, b = panorama_texel(wrap_texel(i + ivec2(1, 0), size)).rgb;
+    vec3 c = panorama_texel(wrap_texel(i + ivec2(0, 1), size)).rgb, d = panorama_texel(wrap_texel(i + ivec2(1, 1), size)).rgb;
     return mix(mix(a, b, f.x), mix(c, d, f.x), f.y);
 }
 
@@ -40,8 +52,8 @@ vec3 panorama_light(vec2 uv) {
     vec2 p = uv * vec2(size) - 0.5;
     ivec2 i = ivec2(floor(p));
     vec2 f = p - vec2(i);
-    vec4 a = imageLoad(in_panorama_radiance, wrap_texel(i, size)), b = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(1, 0), size));
-    vec4 c = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(0, 1), size)), d = imageLoad(in_panorama_radiance, wrap_texel(i + ivec2(1, 1), size));
+    vec4 a = panorama_texel(wrap_texel(i, size)), b = panorama_texel(wrap_texel(i + ivec2(1, 0), size));
+    vec4 c = panorama_texel(wrap_texel(i + ivec2(0, 1), size)), d = panorama_texel(wrap_texel(i + ivec2(1, 1), size));
     return mix(mix(a.rgb * a.w, b.rgb * b.w, f.x), mix(c.rgb * c.w, d.rgb * d.w, f.x), f.y);
 }
 
@@ -56,8 +68,8 @@ vec3 panorama_bilinear_level(vec2 uv, int level) {
     vec2 p = uv * vec2(size) - 0.5;
     ivec2 i = ivec2(floor(p));
     vec2 f = p - vec2(i);
-    vec3 a = texelFetch(panorama_levels, wrap_texel(i, size), level).rgb, b = texelFetch(panorama_levels, wrap_texel(i + ivec2(1, 0), size), level).rgb;
-    vec3 c = texelFetch(panorama_levels, wrap_texel(i + ivec2(0, 1), size), level).rgb, d = texelFetch(panorama_levels, wrap_texel(i + ivec2(1, 1), size), level).rgb;
+    vec3 a = panorama_level_texel(wrap_texel(i, size), level), b = panorama_level_texel(wrap_texel(i + ivec2(1, 0), size), level);
+    vec3 c = panorama_level_texel(wrap_texel(i + ivec2(0, 1), size), level), d = panorama_level_texel(wrap_texel(i + ivec2(1, 1), size), level);
     return mix(mix(a, b, f.x), mix(c, d, f.x), f.y);
 }
 

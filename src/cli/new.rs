@@ -14,7 +14,7 @@ use crate::{
         guess::{self, Guess},
         packing::packed_codes,
         preset::{PRESETS, Preset},
-        room::level,
+        room::{Level, level},
         source::PanoramaFrame,
         stream::first_picture,
     },
@@ -186,7 +186,7 @@ fn scene_text(args: &Args, panorama: &Picture, depth: &Depth, models: &[&PathBuf
     let cloud = Cloud::of(&PanoramaFrame { depth_size, depth: metres, ..Default::default() }, 0.0);
     let floor = level(&cloud, true);
     let height = floor.map_or(args.height as f32, |floor| floor.distance);
-    let spot = free_spot(&cloud, height);
+    let spot = free_spot(&cloud, floor, height);
 
     let mut out = String::from("# Written by iprt new. Every key is in docs/scene.md.\n\n[panorama]\n");
     let _ = writeln!(out, "color = {}", quoted(&panorama.path));
@@ -223,7 +223,7 @@ fn scene_text(args: &Args, panorama: &Picture, depth: &Depth, models: &[&PathBuf
     let found = if floor.is_some() { "the floor that was found is" } else { "no floor was found; it is taken for" };
     let _ = writeln!(out, "position = [0, {height:.3}, 0]  # {found} y = 0");
     let [x, _, z] = spot.to_array();
-    let _ = writeln!(out, "\n[camera]  # at the capture point\nlook_at = [{x:.2}, 0.2, {z:.2}]\nfov_y = 60");
+    let _ = writeln!(out, "\n[camera]  # at the capture point\nlook_at = [{x:.2}, 0.2, {z:.2}]\nfov_y = 50");
     if models.is_empty() {
         let _ = writeln!(out, "\n# Something to begin with.\n[[object]]\nshape = \"sphere\"\nsize = 0.3");
         let _ = writeln!(out, "place = {{ floor = [{x:.2}, {z:.2}] }}");
@@ -253,18 +253,26 @@ fn scene_text(args: &Args, panorama: &Picture, depth: &Depth, models: &[&PathBuf
 }
 
 /// A place on the floor where nothing stands: as straight ahead as can be, within a few steps.
-fn free_spot(cloud: &Cloud, height: f32) -> Vec3 {
+fn free_spot(cloud: &Cloud, floor: Option<Level>, height: f32) -> Vec3 {
     let points: Vec<Vec3> = (0..cloud.depth.len()).filter_map(|index| cloud.point(index)).collect();
-    let is_free = |at: Vec3| {
+    let over = |p: &Vec3| p.y - floor.and_then(|floor| floor.height(p.x, p.z)).unwrap_or(-height);
+    // Points of the floor around a place, and of things on it.
+    let around = |at: Vec3| {
         let near = || points.iter().filter(|p| (p.x - at.x).hypot(p.z - at.z) < 0.4);
-        let floor = near().filter(|p| (p.y + height).abs() < 0.1).count();
-        let things = near().filter(|p| p.y + height > 0.12 && p.y < 0.0).count();
-        floor >= 6 && things * 20 <= floor
+        let floor = near().filter(|p| over(p).abs() < 0.1).count();
+        let things = near().filter(|p| over(p) > 0.12 && p.y < 0.0).count();
+        (floor, things)
     };
     let turns = (0..=9).flat_map(|k| [20.0 * k as f32, -20.0 * k as f32]);
     let spots = turns.flat_map(|degrees| {
         let (sin, cos) = degrees.to_radians().sin_cos();
         [1.6, 1.3, 2.0, 1.0, 2.6].map(|distance| Vec3::new(sin, 0.0, -cos) * distance)
     });
-    spots.clone().find(|at| is_free(*at)).unwrap_or(Vec3::new(0.0, 0.0, -1.6))
+    let seen: Vec<(Vec3, (usize, usize))> = spots.map(|at| (at, around(at))).collect();
+    let free = seen.iter().find(|(_, (floor, things))| *floor >= 6 && things * 20 <= *floor);
+    // Where none is free, that which shows most of the floor beside what stands on it.
+    let share = |(_, (floor, things)): &&(Vec3, (usize, usize))| *floor as f64 / (*floor + 4 * things + 6) as f64;
+    let barest = || seen.iter().max_by(|a, b| share(a).total_cmp(&share(b)));
+    let has_floor = |(_, (floor, _)): &&(Vec3, (usize, usize))| *floor > 0;
+    free.or_else(barest).filter(has_floor).map_or(Vec3::new(0.0, 0.0, -1.6), |(at, _)| *at)
 }

@@ -114,14 +114,34 @@ fn npy(bytes: &[u8]) -> Decoded {
         Some(rest.strip_prefix(':')?.trim_start())
     };
     let kind = value("descr").and_then(|text| text.strip_prefix('\'')?.split('\'').next()).ok_or_else(short)?;
-    if value("fortran_order").is_some_and(|text| text.starts_with("True")) {
-        return Err("its numbers are in Fortran order: save numpy.ascontiguousarray of it".into());
-    }
     let shape = value("shape").and_then(|text| text.strip_prefix('(')?.split(')').next()).ok_or_else(short)?;
     let shape: Vec<usize> = shape.split(',').filter_map(|side| side.trim().parse().ok()).collect();
     let count = shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
     let count = count.ok_or_else(|| format!("its shape is {shape:?}"))?;
-    shaped(&shape, numbers(&bytes[end..], kind, count)?)
+    let samples = numbers(&bytes[end..], kind, count)?;
+    let by_columns = value("fortran_order").is_some_and(|text| text.starts_with("True"));
+    shaped(&shape, if by_columns { by_rows(samples, &shape) } else { samples })
+}
+
+/// Brings numbers in Fortran's order, in which the first axis is the fastest, into that of C.
+fn by_rows(samples: Samples, shape: &[usize]) -> Samples {
+    fn ordered<T: Copy>(values: &[T], shape: &[usize]) -> Vec<T> {
+        let place = |index: usize| {
+            let (mut rest, mut stride, mut at) = (index, values.len(), 0);
+            for side in shape.iter().rev() {
+                stride /= side;
+                at += rest % side * stride;
+                rest /= side;
+            }
+            at
+        };
+        (0..values.len()).map(|index| values[place(index)]).collect()
+    }
+    match samples {
+        Samples::U8(values) => Samples::U8(ordered(&values, shape)),
+        Samples::U16(values) => Samples::U16(ordered(&values, shape)),
+        Samples::F32(values) => Samples::F32(ordered(&values, shape)),
+    }
 }
 
 /// Of several arrays the one whose name means depth, or the only one that is an image.
@@ -243,6 +263,21 @@ mod tests {
         assert_eq!(read(&npy_file("<f4", "(1, 2, 3, 1)", &floats(&values))), right);
         let big: Vec<u8> = values.iter().flat_map(|value| f64::from(*value).to_be_bytes()).collect();
         assert_eq!(read(&npy_file(">f8", "(2, 3)", &big)), right);
+        let by_columns = floats(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0]);
+        let fortran = |shape: &str| {
+            let file = npy_file("<f4", shape, &by_columns);
+            let text: Vec<u8> = file
+                .windows(5)
+                .position(|w| w == b"False")
+                .map(|at| [&file[..at], b"True ", &file[at + 5..]].concat())
+                .expect("says so");
+            read(&text)
+        };
+        assert_eq!(
+            [fortran("(2, 3)"), fortran("(1, 2, 3)")],
+            [right.clone(), right.clone()],
+            "the first axis is the fastest"
+        );
         assert_eq!(read(&npy_file("<u2", "(1, 2)", &[1, 2, 3, 4])), Ok(([2, 1], Samples::U16(vec![513, 1027]))));
         let pfm = [b"Pf\n3 2\n-1.0\n".to_vec(), floats(&[4.0, 5.0, 6.0, 1.0, 2.0, 3.0])].concat();
         assert_eq!(read(&pfm), right, "its rows go upwards");

@@ -4,7 +4,7 @@ use super::{
     color_space::{ColorSpace, Primaries},
     layers,
     placement::Placement,
-    read::{CodeImage, ColorImage, MAX_PIXELS, check_size, one_line, plain_io},
+    read::{CodeImage, ColorImage, MAX_STRIPS, check_size, check_strips, one_line, plain_io},
     rows::{Rows, Strips},
 };
 use crate::{Error, Result, budget};
@@ -90,14 +90,14 @@ impl Contents {
         for header in &meta.headers {
             let [width, height] =
                 [header.layer_size.x(), header.layer_size.y()].map(|side| u32::try_from(side).unwrap_or(u32::MAX));
-            check_size([width, height], subject)?;
+            check_strips([width, height], subject)?;
             values += u64::from(width) * u64::from(height) * header.channels.list.len() as u64;
             stored += u64::from(width) * u64::from(height) * header.channels.bytes_per_pixel as u64;
         }
         // Every scan-line block, of 256 lines at most, has an entry in the file.
         let blocks: usize = meta.headers.iter().map(|header| header.chunk_count).sum();
         let beyond = stored > length * MOST_COMPRESSION + (1 << 20);
-        if values > MAX_PIXELS * 8 || blocks as u64 > length / 8 || beyond {
+        if values > MAX_STRIPS * 8 || blocks as u64 > length / 8 || beyond {
             return Err(Error::input(subject, "says it holds more than the file can", "write it again"));
         }
         let Some(shared) = meta.headers.first().map(|header| &header.shared_attributes) else {
@@ -150,18 +150,20 @@ impl Contents {
     /// Decodes the values of all channels, or of one channel of a layer.
     fn fill(mut self, file: impl Read + Seek, only: Option<(usize, usize)>, subject: &str) -> Result<Exr> {
         let mut targets: HashMap<[usize; 2], &mut Vec<f32>> = HashMap::new();
-        let mut held = 0;
+        let (mut held, mut most) = (0, 0);
         for (layer, (values, (part, stored))) in self.exr.layers.iter_mut().zip(&self.stored).enumerate() {
             for (place, ((_, values), channel)) in values.channels.iter_mut().zip(stored).enumerate() {
                 if only.is_none_or(|only| only == (layer, place)) {
-                    let [width, height] = self.parts[*part].whole.map(u64::from);
-                    held += width * height;
+                    let whole = self.parts[*part].whole;
+                    check_size(whole, subject)?;
+                    let pixels = u64::from(whole[0]) * u64::from(whole[1]);
+                    (held, most) = (held + pixels, most.max(pixels));
                     targets.insert([*part, *channel], values);
                 }
             }
         }
         // And the colours that may be made of them.
-        budget::ask(subject, 4 * held + if only.is_none() { 16 * held.min(MAX_PIXELS) } else { 0 })?;
+        budget::ask(subject, 4 * held + if only.is_none() { 16 * most } else { 0 })?;
         for ([part, _], values) in &mut targets {
             let [width, height] = self.parts[*part].whole.map(|side| side as usize);
             **values = vec![f32::NAN; width * height];

@@ -75,7 +75,7 @@ const PARTS: [&str; 42] = [
     "matte",
     "variance",
 ];
-const DEPTH: [&str; 4] = ["depth", "distance", "z", "range"];
+const DEPTH: [&str; 5] = ["depth", "distance", "dist", "z", "range"];
 
 /// Says whether a name has one of these words. It is split where its case changes, and at other signs.
 fn has_word(name: &str, words: &[&str]) -> bool {

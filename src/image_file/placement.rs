@@ -56,7 +56,12 @@ impl Placement {
 
     pub fn note(&self) -> String {
         let ([w, h], [x, y], [pw, ph]) = (self.whole, self.at, self.part);
-        format!("holds {pw}x{ph} pixels at ({x}, {y}) of {w}x{h}: what lies around them is not known")
+        let covers = |at: i64, part: u32, whole: u32| at <= 0 && at + i64::from(part) >= i64::from(whole);
+        let rest = match covers(x, pw, w) && covers(y, ph, h) {
+            true => "what lies beyond is left out",
+            false => "what lies around them is not known",
+        };
+        format!("holds {pw}x{ph} pixels at ({x}, {y}) of {w}x{h}: {rest}")
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::{
     color_space::{ColorSpace, Primaries, xyz_to_rec709},
-    read::{Raster, Samples, check_size, one_line, plain_io},
+    read::{Raster, Samples, check_size, check_strips, one_line, plain_io},
     rows::{Rows, STRIP, Strips},
 };
 use crate::{Error, Result, budget};
@@ -51,7 +51,7 @@ impl Picture {
         if (slow, fast) != ('Y', 'X') && (slow, fast) != ('X', 'Y') {
             return Err(damaged("its resolution has no X and Y", subject));
         }
-        check_size([columns, rows], subject)?;
+        check_strips([columns, rows], subject)?;
         let mut notes = Vec::new();
         if header.factor != Vec3::ONE {
             let [r, g, b] = header.factor.to_array();
@@ -96,6 +96,7 @@ impl Picture {
 /// Decodes a file.
 pub(super) fn decode(bytes: &[u8], subject: &str) -> Result<Raster> {
     let picture = Picture::of(bytes, subject)?;
+    check_size(picture.size, subject)?;
     let [width, height] = picture.size;
     budget::ask(subject, u64::from(width) * u64::from(height) * (12 + 16))?;
     let columns = picture.header.axes[1].2 as usize;

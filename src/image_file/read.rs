@@ -16,8 +16,10 @@ use std::{
     path::Path,
 };
 
-/// The most pixels that an image may have (16384 × 16384).
+/// The most pixels of an image that is decoded as a whole (16384 × 16384).
 pub const MAX_PIXELS: u64 = 1 << 28;
+/// The most pixels of a picture whose colours are read by strips, which need not be in memory together.
+pub(super) const MAX_STRIPS: u64 = 1 << 32;
 
 /// Stored numbers, with interleaved channels.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,6 +147,7 @@ pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     let Some(format) = raster_format(bytes) else { return Err(refusal(bytes, subject)) };
     let (decoder, head) = head(Cursor::new(bytes), format, subject)?;
     // What is decoded, and then colours or codes made of it.
+    check_size(head.stored, subject)?;
     let [width, height] = head.stored.map(u64::from);
     budget::ask(subject, width * height * (u64::from(decoder.color_type().bytes_per_pixel()) + 16))?;
     pixels(decoder, head, subject).map(FileImage::Raster)
@@ -251,7 +254,7 @@ pub(super) fn head<'a>(
     let mut decoder = reader.into_decoder().map_err(|error| damaged(error, subject))?;
     let (width, height) = decoder.dimensions();
     let stored = [width, height];
-    check_size(stored, subject)?;
+    check_strips(stored, subject)?;
     // What is said beside the pixels is not worth refusing a picture for.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let profile = decoder.icc_profile().ok().flatten();
@@ -298,12 +301,22 @@ pub(super) fn pixels(decoder: Box<dyn ImageDecoder + '_>, head: Head, subject: &
 
 /// Refuses empty and absurd images before anything is allocated for them.
 pub(super) fn check_size(size: [u32; 2], subject: &str) -> Result<()> {
+    check_pixels(size, MAX_PIXELS, subject)
+}
+
+/// The same of a picture whose colours are read by strips.
+pub(super) fn check_strips(size: [u32; 2], subject: &str) -> Result<()> {
+    check_pixels(size, MAX_STRIPS, subject)
+}
+
+fn check_pixels(size: [u32; 2], most: u64, subject: &str) -> Result<()> {
     let [width, height] = size;
     if width == 0 || height == 0 {
         return Err(Error::input(subject, format!("is {width}x{height} pixels"), "give an image with pixels"));
     }
-    if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        let problem = format!("says it has {width}x{height} pixels, more than 16384x16384");
+    if u64::from(width) * u64::from(height) > most {
+        let side = most.isqrt();
+        let problem = format!("says it has {width}x{height} pixels, more than {side}x{side}");
         return Err(Error::input(subject, problem, "give a smaller image"));
     }
     Ok(())

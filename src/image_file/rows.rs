@@ -73,11 +73,19 @@ impl Rows {
             return radiance::rows(reader, subject);
         }
         match read::raster_format(&start) {
-            Some(format) => Self::of_raster(path, reader, format, &start, subject),
-            None => match read::read(path)? {
-                FileImage::Raster(raster) => Ok(raster.into_rows()),
-                FileImage::Exr(_) => Err(Error::Internal("an EXR without its first bytes".into())),
+            Some(format) => match Self::of_raster(path, reader, format, &start, subject) {
+                Err(_) if format == ImageFormat::Tiff => Self::of_array(path),
+                rows => rows,
             },
+            None => Self::of_array(path),
+        }
+    }
+
+    /// What the `image` crate does not read: arrays of numbers, and TIFF of one deep number a pixel.
+    fn of_array(path: &Path) -> Result<Self> {
+        match read::read(path)? {
+            FileImage::Raster(raster) => Ok(raster.into_rows()),
+            FileImage::Exr(_) => Err(Error::Internal("an EXR without its first bytes".into())),
         }
     }
 
@@ -94,9 +102,12 @@ impl Rows {
         if radiance::is_radiance(&start) {
             return radiance::rows(reader, subject).map(|rows| Some(rows.size));
         }
-        read::raster_format(&start)
-            .map(|format| read::head(reader, format, &subject).map(|(_, head)| head.size()))
-            .transpose()
+        let Some(format) = read::raster_format(&start) else { return Ok(None) };
+        match read::head(reader, format, &subject) {
+            Ok((_, head)) => Ok(Some(head.size())),
+            Err(_) if format == ImageFormat::Tiff => Ok(None), // perhaps one of deep numbers, as of an array
+            Err(error) => Err(error),
+        }
     }
 
     /// Decodes the picture, and hands out its colours.

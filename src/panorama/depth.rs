@@ -104,7 +104,10 @@ pub fn unit(nearest: f32, floor: Option<f32>) -> Option<(f64, &'static str)> {
 }
 
 /// Warns of depth whose nearest surfaces are so far that it cannot be in metres.
-pub fn unit_warning(depth: &[f32], rule: &Rule) -> Option<String> {
+pub fn unit_warning(depth: &[f32], size: [u32; 2], rule: &Rule) -> Option<String> {
+    if seems_swapped(depth, size) {
+        return Some(swapped_words(rule.encoding));
+    }
     // Some hundred thousand texels tell a percentile.
     let known = depth.iter().step_by(depth.len() / 100_000 + 1).copied().filter(|depth| *depth > 0.0);
     let mut known: Vec<f32> = known.collect();
@@ -112,6 +115,26 @@ pub fn unit_warning(depth: &[f32], rule: &Rule) -> Option<String> {
     let (nearest, farthest) = (*known.get(known.len() / 100)?, *known.last()?);
     let (factor, unit) = unit(nearest, None).filter(|_| rule.encoding != DepthEncoding::Disparity)?;
     Some(unit_words(nearest, farthest, unit, rule.scale * factor))
+}
+
+/// Says whether what is straight down lies much farther than what lies ahead.
+fn seems_swapped(depth: &[f32], [width, height]: [u32; 2]) -> bool {
+    let median = |from: f64, to: f64| {
+        let row = |share: f64| (share * f64::from(height)) as usize * width as usize;
+        let rows = &depth[row(from)..row(to)];
+        let mut known: Vec<f32> = rows.iter().step_by(rows.len() / 20_000 + 1).copied().filter(|d| *d > 0.0).collect();
+        known.sort_by(f32::total_cmp);
+        (known.len() > 20).then(|| known[known.len() / 2])
+    };
+    // Directions within 37° of straight down, and within 11.5° of the horizon.
+    matches!((median(0.795, 1.0), median(0.436, 0.564)), (Some(down), Some(ahead)) if down > 1.3 * ahead)
+}
+
+/// Says that depth is disparity, or the other way round.
+pub fn swapped_words(encoding: DepthEncoding) -> String {
+    let now = if encoding == DepthEncoding::Disparity { "radial" } else { "disparity" };
+    let what = "what lies straight down is farther than what lies ahead: near and far seem to be swapped";
+    format!("{what}; write encoding = \"{now}\", with its scale")
 }
 
 /// Says that depth is in another unit.

@@ -17,7 +17,6 @@ use crate::{
     media::{VideoInfo, planes::Part},
 };
 use glam::Vec3;
-use half::f16;
 use rayon::prelude::*;
 use std::{path::PathBuf, sync::Arc};
 
@@ -173,7 +172,7 @@ pub(super) fn make_frame(
         warnings.push(format!("{depth_subject}: {problem} (check encoding, scale, offset and invalid)"));
     }
     if tells && matches!(spec.depth, DepthSource::Files(_) | DepthSource::Packed) {
-        warnings.extend(unit_warning(&depth, rule).map(|warning| format!("{depth_subject}: {warning}")));
+        warnings.extend(unit_warning(&depth, depth_size, rule).map(|warning| format!("{depth_subject}: {warning}")));
     }
     let white = color.ldr.then(|| tone::expand(Vec3::ONE, spec.inverse_tonemap).x * spec.exposure);
     let frame = PanoramaFrame {
@@ -257,17 +256,17 @@ fn computed([width, height]: [u32; 2]) -> [u32; 2] {
 /// Refuses pictures that the device cannot hold, by what their headers say.
 fn ask_device(color: &Picture, depth: Option<&Picture>, spec: &PanoramaSpec) -> Result<()> {
     let plain = spec.packing == Packing::Separate;
-    let ask = |picture: &Picture, bytes: &dyn Fn(u64) -> u64| match picture {
+    let ask = |picture: &Picture, bytes: &dyn Fn(u64) -> [u64; 2]| match picture {
         Picture::File { subject, path } if plain && !cube::has_faces(path) => {
             let size = Rows::size(path)?.map(|size| reduce::reduced(size).unwrap_or(size));
-            let texels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
-            size.map_or(Ok(()), |size| budget::ask_device(subject, size, bytes(texels(size))))
+            size.map_or(Ok(()), |size| budget::ask_device(subject, size, bytes))
         }
         _ => Ok(()),
     };
-    // On the device both are 32-bit floats, and colour has mip levels.
-    ask(color, &|count| 16 * count + 16 * count / 3)?;
-    depth.map_or(Ok(()), |depth| ask(depth, &|count| 4 * count))
+    // What passes/panorama.rs allocates: colour with mip levels, and depth, as it was and mended, with normals, planes and
+    // boxes, of which planes are the largest.
+    ask(color, &|texels| [texels::bytes(texels) * 4 / 3; 2])?;
+    depth.map_or(Ok(()), |depth| ask(depth, &|texels| [16 * texels, 36 * texels]))
 }
 
 /// Bytes that reading a picture takes beside what is kept of it.
@@ -352,7 +351,7 @@ type Counts = [usize; 4];
 impl Mending<'_> {
     /// Mends texels. Infinite values stay what they are.
     fn mend(&mut self, texels: &mut [[f32; 4]]) {
-        let (spec, ldr, most) = (self.spec, self.ldr, if self.half { f16::MAX.to_f32() } else { f32::MAX });
+        let (spec, ldr, most) = (self.spec, self.ldr, if self.half { texels::BRIGHTEST } else { f32::MAX });
         let mend = |texel: &mut [f32; 4]| -> (Counts, f32) {
             let rgb = [texel[0], texel[1], texel[2]];
             let brightest = rgb.into_iter().filter(|value| value.is_finite()).fold(0.0, f32::max);
@@ -388,10 +387,10 @@ impl Mending<'_> {
             warnings.push(format!("{subject}: {negative} texels with negative radiance were set to 0 there"));
         }
         if dimmed > 0 {
-            let problem = "are brighter than 65504, the most that a panorama of more than 4096x2048 texels holds";
+            let problem = "are brighter than 4.29e9, the most that a panorama of more than 4096x2048 texels holds";
             warnings.push(format!("{subject}: {dimmed} texels {problem} (give --panorama-size 4096, or an exposure)"));
         }
-        let brightest = self.brightest.max(f16::MAX.to_f32());
+        let brightest = self.brightest.max(half::f16::MAX.to_f32());
         if infinite > 0 {
             let problem = format!("{infinite} texels with infinite radiance were set to {brightest}");
             warnings.push(format!("{subject}: {problem}, the brightest finite value"));

@@ -69,23 +69,40 @@ pub fn by_preset(preset: &Preset, codes: &CodeImage, height: f64) -> Guess {
     }
 }
 
+/// What a room looks like if its disparity has this offset.
+struct Tried {
+    offset: f64,
+    /// How far windows of it are from planes.
+    bent: f32,
+    /// The share of the sphere that the floor covers, less if it is tilted.
+    floor: f32,
+}
+
+impl Tried {
+    fn of(codes: &CodeImage, radial: &Rule, span: f64, offset: f64) -> Self {
+        let rule = Rule { encoding: DepthEncoding::Disparity, scale: span.max(1e-6), offset, ..radial.clone() };
+        let seen = cloud(codes, &rule);
+        let bent = bending(&seen, |i| 1.0 / seen.depth[i].max(1e-6));
+        let floor = level(&seen, true).map_or(0.0, |floor| floor.share * (-(floor.tilt / 6.0).powi(2)).exp());
+        Self { offset, bent: if bent.is_finite() { bent } else { 1.0 }, floor }
+    }
+}
+
 fn disparity(codes: &CodeImage, radial: Rule, height: f64) -> Guess {
     let mut known: Vec<f32> = codes.codes.iter().copied().filter(|code| *code > 0.0).step_by(7).collect();
     known.sort_by(f32::total_cmp);
     let at = |share: usize| known.get(known.len() * share / 100).copied().map_or(1.0, f64::from);
     let (low, span) = (at(2), at(98) - at(2));
-    // Estimators leave the offset open. Walls are flat at the right one.
-    let offsets = [-0.9, -0.7, -0.4].map(|part| part * low).into_iter();
-    let offsets = offsets.chain([0.0, 0.03, 0.08, 0.2, 0.5].map(|part| part * span));
-    let bent = |offset: f64| {
-        let rule = Rule { encoding: DepthEncoding::Disparity, scale: span.max(1e-6), offset, ..radial.clone() };
-        let seen = cloud(codes, &rule);
-        let bent = bending(&seen, |i| 1.0 / seen.depth[i].max(1e-6));
-        if bent.is_finite() { bent } else { 1.0 }
-    };
-    let plain = bent(0.0);
-    let best = offsets.map(|offset| (bent(offset), offset)).min_by(|a, b| a.0.total_cmp(&b.0));
-    let offset = best.filter(|(bent, _)| *bent < 0.8 * plain).map_or(0.0, |(_, offset)| rounded(offset));
+    // Estimators leave the offset open. At the right one the floor is large and level, and walls are flat.
+    let offsets = [0.0, 0.03, 0.08, 0.2, 0.5].map(|part| part * span).into_iter();
+    let offsets = offsets.chain([-0.95, -0.9, -0.8, -0.7, -0.55, -0.4, -0.25, -0.1].map(|part| part * low));
+    let tried: Vec<Tried> = offsets.map(|offset| Tried::of(codes, &radial, span, offset)).collect();
+    let floor = tried.iter().map(|tried| tried.floor).fold(0.0, f32::max);
+    let fits = tried.iter().filter(|tried| tried.floor >= 0.85 * floor);
+    let best = fits.min_by(|a, b| a.bent.total_cmp(&b.bent)).unwrap_or(&tried[0]);
+    let plain = &tried[0];
+    let is_better = plain.floor < 0.85 * floor || best.bent < 0.8 * plain.bent;
+    let offset = if is_better { rounded(best.offset) } else { 0.0 };
     let rule = Rule { encoding: DepthEncoding::Disparity, scale: span.max(1e-6), offset, ..radial };
     let seen = cloud(codes, &rule);
     let (factor, because) = match level(&seen, true) {

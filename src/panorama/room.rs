@@ -2,7 +2,7 @@
 
 use super::{
     cloud::{Cloud, plane},
-    depth::{DepthEncoding, Rule, length_words as metres, unit, unit_words},
+    depth::{DepthEncoding, Rule, length_words as metres, swapped_words, unit, unit_words},
     level::{rotation, upright},
     mapping::{bilinear, texel_direction},
     source::{PanoramaFrame, PanoramaSpec},
@@ -139,16 +139,14 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
         let scale = height.map_or(1.5 / f64::from(median), |height| 1.6 / f64::from(height));
         let what = "a disparity without a scale has no metres";
         warn(format!("{range}: {what}; write scale = {scale:.3} if the camera stands 1.6 m over the floor"));
-    } else if median < 0.25 || farthest < 0.6 {
+    } else if median < 0.25 || farthest < 1.02 {
         let scale = height.map_or(2.0 / f64::from(median), |height| 1.6 / f64::from(height)) * rule.scale;
         warn(format!(
             "{range}: relative depth has no metres; write scale = {scale:.3} if the camera stands 1.6 m over the floor"
         ));
     }
     if is_inverted(cloud) {
-        let now = if rule.encoding == DepthEncoding::Disparity { "radial" } else { "disparity" };
-        let what = "what lies straight down is farther than what lies ahead: near and far seem to be swapped";
-        warn(format!("{what}; write encoding = \"{now}\", with its scale"));
+        warn(swapped_words(rule.encoding));
     } else {
         let axis = |i: usize| cloud.directions[i].abs().max_element();
         let radial = bending(cloud, |i| 1.0 / cloud.depth[i].max(1e-6));

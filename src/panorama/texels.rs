@@ -10,6 +10,14 @@ use rayon::prelude::*;
 pub const LARGE: usize = 1 << 23;
 /// How many texels are wide at a time.
 const PIECE: usize = 1 << 18;
+/// A texel with a brighter channel is kept divided by [`SCALE`], and alpha is negative.
+const MOST: f32 = 65504.0;
+/// A texel without a brighter channel is kept multiplied by [`SCALE`], and alpha divided by [`ROOT`].
+const DARK: f32 = 1.0 / 1024.0;
+const SCALE: f32 = 65536.0;
+const ROOT: f32 = 4096.0;
+/// The brightest radiance that is kept where texels are 16-bit floats.
+pub const BRIGHTEST: f32 = MOST * SCALE;
 
 /// Linear RGBA texels. How they are kept follows from their number alone.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,16 +44,40 @@ pub fn bytes(count: u64) -> u64 {
     count * if are_half(count as usize) { 8 } else { 16 }
 }
 
-fn widen(texel: [u16; 4]) -> [f32; 4] {
-    texel.map(|bits| f16::from_bits(bits).to_f32())
+/// The 32-bit float of a 16-bit one. [`f16::to_f32`] asks each time what the processor can do, which takes longer.
+fn wide(bits: u16) -> f32 {
+    const FROM_BIAS: f32 = f32::from_bits((127 + 127 - 15) << 23); // 2^112, the difference of the exponents
+    let magnitude = f32::from_bits(u32::from(bits & 0x7fff) << 13) * FROM_BIAS;
+    let finite = bits & 0x7c00 != 0x7c00;
+    let magnitude = if finite { magnitude } else { f16::from_bits(bits & 0x7fff).to_f32() };
+    if bits >> 15 == 0 { magnitude } else { -magnitude }
 }
 
-/// Finite values stay finite.
+/// Unpacks a texel, as `halves.glsl` does.
+fn widen(texel: [u16; 4]) -> [f32; 4] {
+    let [r, g, b, alpha] = texel.map(wide);
+    let (scale, root) = match alpha {
+        ..0.0 => (SCALE, -alpha),
+        ..0.5 => (1.0 / SCALE, alpha * ROOT),
+        _ => (1.0, alpha),
+    };
+    [r * scale, g * scale, b * scale, root * root]
+}
+
+/// Packs texels. A channel keeps 11 bits, whatever its texel's radiance, and finite values stay finite. Alpha is 0, or by
+/// how much more a texel shines than it shows, which is at least 1, and has a wide range: its root is kept.
 fn narrow(wide: &[[f32; 4]], out: &mut [[u16; 4]]) {
-    let most = f16::MAX.to_f32();
-    for (texel, bits) in wide.iter().zip(out) {
-        let finite = texel.map(|value| if value.is_finite() { value.clamp(-most, most) } else { value });
-        bits.reinterpret_cast_mut::<f16>().convert_from_f32_slice(&finite);
+    for (&[r, g, b, alpha], bits) in wide.iter().zip(out) {
+        let (top, root) = (r.max(g).max(b), alpha.max(0.0).sqrt());
+        let (scale, root) = if top > MOST {
+            (1.0 / SCALE, -root)
+        } else if top < DARK || root == 0.0 {
+            (SCALE, root / ROOT)
+        } else {
+            (1.0, root)
+        };
+        let kept = |value: f32| if value.is_finite() { (value * scale).clamp(-MOST, MOST) } else { value };
+        bits.reinterpret_cast_mut::<f16>().convert_from_f32_slice(&[kept(r), kept(g), kept(b), root]);
     }
 }
 
@@ -98,27 +130,11 @@ impl Texels {
         self.iter().collect()
     }
 
-    /// The bytes in memory.
+    /// The bytes in memory, which a device's image of [`crate::gpu::Format::Rgba16f`] or `Rgba32f` has, too.
     pub fn bytes(&self) -> &[u8] {
         match &self.0 {
             Kept::Full(texels) => bytemuck::cast_slice(texels),
             Kept::Half(texels) => bytemuck::cast_slice(texels),
-        }
-    }
-
-    /// Hands out texels as 32-bit floats, at most so many at a time, each time with the number of the first. Those that are
-    /// kept as such come at once.
-    pub fn pieces<E>(&self, most: usize, mut piece: impl FnMut(usize, &[[f32; 4]]) -> Result<(), E>) -> Result<(), E> {
-        match &self.0 {
-            Kept::Full(texels) => piece(0, texels),
-            Kept::Half(texels) => {
-                let mut wide = Vec::with_capacity(most);
-                texels.chunks(most).enumerate().try_for_each(|(number, bits)| {
-                    wide.clear();
-                    wide.extend(bits.iter().map(|texel| widen(*texel)));
-                    piece(number * most, &wide)
-                })
-            }
         }
     }
 
@@ -183,14 +199,41 @@ mod tests {
     fn many_texels_take_half_as_much() {
         let few: Texels = vec![[0.1, 1e9, -3.0, 1.0]; 2].into();
         assert_eq!((few.at(1), few.bytes().len()), ([0.1, 1e9, -3.0, 1.0], 32));
-        let mut many = Texels::make(LARGE + 1, |index| [index as f32, 0.1, 1e9, f32::INFINITY]);
+        let mut many = Texels::make(LARGE + 1, |index| [index as f32, 0.1, 7.0, 1.0]);
         assert_eq!(many.bytes().len(), 8 * (LARGE + 1));
-        assert_eq!(many.at(1000), [1000.0, f16::from_f32(0.1).to_f32(), 65504.0, f32::INFINITY]);
+        assert_eq!(many.at(1000), [1000.0, f16::from_f32(0.1).to_f32(), 7.0, 1.0]);
         many.change(|first, texels| {
             texels.iter_mut().enumerate().for_each(|(index, texel)| texel[0] = ((first + index) % 7) as f32);
         });
         many.write(LARGE, &[[9.0; 4]]);
         assert_eq!([many.at(LARGE - 1)[0], many.at(LARGE)[0]], [((LARGE - 1) % 7) as f32, 9.0]);
         assert_eq!(many.iter().count(), many.len());
+    }
+
+    #[test]
+    fn every_16_bit_float_becomes_itself() {
+        for bits in 0..=u16::MAX {
+            assert_eq!(wide(bits).to_bits(), f16::from_bits(bits).to_f32().to_bits(), "{bits:#x}");
+        }
+    }
+
+    #[test]
+    fn sixteen_bits_hold_the_sun_and_the_night() {
+        let packed = |texel: [f32; 4]| {
+            let mut bits = [[0; 4]];
+            narrow(&[texel], &mut bits);
+            widen(bits[0])
+        };
+        for power in -38..=31 {
+            for [r, g, alpha] in [[1.0, 0.7, 1.0], [1.3, 1.1, 1.0], [0.9, 0.6, 40.0], [1.9, 1.0, 1e6]] {
+                let texel = [r * 2_f32.powi(power), g * 2_f32.powi(power), 0.0, alpha];
+                let close = |(a, b): (f32, f32)| (a - b).abs() <= b / 1000.0;
+                assert!(packed(texel).into_iter().zip(texel).all(close), "{texel:?}: {:?}", packed(texel));
+            }
+        }
+        assert_eq!(packed([200_000.0, 0.0, 0.0, 1.0]), [199_936.0, 0.0, 0.0, 1.0], "alpha that is 1 stays so");
+        assert_eq!(packed([1e30, 1.0, 0.0, 1.0])[0], BRIGHTEST);
+        assert_eq!(packed([f32::INFINITY, 0.0, 0.0, 1.0])[0], f32::INFINITY);
+        assert_eq!([packed([0.0; 4]), packed([5.0, 4.0, 3.0, 0.0])], [[0.0; 4], [5.0, 4.0, 3.0, 0.0]], "unknown");
     }
 }

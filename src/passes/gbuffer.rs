@@ -57,6 +57,7 @@ impl Gbuffer {
             Part::RadiancePyramid.constant(u32::from(plan.color_levels() > 1)),
             Part::VirtualSurfaces.constant(u32::from(in_view)),
             ("SHOWN", u32::from(shown)),
+            plan.halves(),
             ("PAST", u32::from(plan.on(Part::Objects) && plan.on(Part::Temporal))),
             plan.constant(Part::Emission),
             plan.constant(Part::Alpha),

@@ -50,6 +50,7 @@ impl Irradiance {
             let constants = [
                 ("LAYER", *layer),
                 plan.result_in_brief(),
+                plan.halves(),
                 ("ROULETTE", u32::from(roulette)),
                 role.projection(plan),
                 plan.constant(Part::RealTracer),

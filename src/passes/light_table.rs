@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Frame, Gpu, Threads},
+    gpu::{Constant, Frame, Gpu, Threads},
     panorama::light::CELLS,
     plan::Part,
     settings::Settings,
@@ -22,11 +22,12 @@ pub struct LightTable {
 }
 
 impl LightTable {
-    /// `free_lamps` says whether lamps may hang free, which the table leaves out.
-    pub fn new(gpu: &Gpu, settings: &Settings, free_lamps: bool) -> Result<Self> {
+    /// `free_lamps` says whether lamps may hang free, which the table leaves out, and `halves` whether the panorama is of
+    /// 16-bit floats.
+    pub fn new(gpu: &Gpu, settings: &Settings, free_lamps: bool, halves: Constant) -> Result<Self> {
         let lamps = Part::FreeLamps.constant(u32::from(free_lamps));
         Ok(Self {
-            cells: Kernel::new::<()>(gpu, "light_cells", shaders::LIGHT_CELLS, &[lamps])?,
+            cells: Kernel::new::<()>(gpu, "light_cells", shaders::LIGHT_CELLS, &[lamps, halves])?,
             sums: Kernel::new::<()>(
                 gpu,
                 "light_table",

@@ -102,15 +102,21 @@ impl Needs {
     }
 }
 
+/// How the radiance of a panorama is kept: as [`texels`] keeps it.
+pub fn radiance_format(color_size: [u32; 2]) -> Format {
+    if texels::is_half(color_size) { Format::Rgba16f } else { Format::Rgba32f }
+}
+
 /// Bytes of a plan's panorama once it is prepared.
 pub fn bytes(plan: &Plan) -> u64 {
     let texels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
     let facts = &plan.facts;
     let radiance: u64 = (0..plan.color_levels()).map(|l| texels(facts.color_size.map(|n| (n >> l).max(1)))).sum();
+    let radiance = radiance * radiance_format(facts.color_size).bytes();
     let depth = texels(facts.depth_size);
     // depth and normals, then the images that they are made from
     let geometry = depth * (4 + 8) + if plan.on(Part::Video) { depth * (4 + 16) } else { 0 };
-    radiance * 16
+    radiance
         + if plan.geometry() { geometry } else { 0 }
         + if plan.boxes() { u64::from(PyramidShape::new(facts.depth_size).nodes * NODE_TEXELS) * 16 } else { 0 }
         + if plan.on(Part::LightTable) { super::light_table::BYTES } else { 0 }
@@ -135,7 +141,7 @@ impl Panorama {
         }
         let shape = PyramidShape::new(depth_size);
         let with_poles = [depth_size[0], depth_size[1] + 2];
-        let radiance = gpu.image("panorama radiance", color_size, 1, needs.color_levels, Format::Rgba32f);
+        let radiance = gpu.image("panorama radiance", color_size, 1, needs.color_levels, radiance_format(color_size));
         let radiance = radiance.map_err(|error| match error {
             Error::Input { subject, problem, .. } => {
                 Error::Input { subject, problem, remedy: "give --panorama-size 4096, or use another device".into() }
@@ -146,7 +152,11 @@ impl Panorama {
         let angles_image = gpu.image("panorama angles", angles_size, 1, 1, Format::Rg32f)?;
         gpu.write_image(&angles_image, 0, 0, &angles(depth_size, yaw_degrees, angles_size[0]))?;
         let mut resources = Resources::default();
-        resources.add("panorama_radiance", Resource::Image(radiance.clone()));
+        let whole = match radiance.format() {
+            Format::Rgba32f => radiance.clone(),
+            _ => gpu.image("no panorama radiance", [1, 1], 1, 1, Format::Rgba32f)?,
+        };
+        resources.add("panorama_radiance", Resource::Image(whole));
         resources.add("panorama_levels", Resource::Image(radiance.clone()));
         resources.add("angles", Resource::Image(angles_image));
         let mut raw_depth = None;
@@ -238,16 +248,19 @@ impl Panorama {
     /// Records the upload of a video frame. The passes of a new video frame must run after it.
     pub fn upload(&self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
         let width = self.color_size[0] as usize;
-        let large = texels::is_half(self.color_size);
-        // A large panorama goes up by itself, in strips, so that it is not in memory as a whole once more.
-        content.radiance.pieces((STRIP / width).max(1) * width, |first, texels| {
-            if !large {
-                return frame.write_image(&self.radiance, 0, 0, texels);
+        let texels = content.radiance.bytes();
+        if texels::is_half(self.color_size) {
+            // A large panorama goes up by itself, in strips, so that it is not in memory as a whole once more.
+            let rows = (STRIP / width).max(1);
+            let strip = rows * width * self.radiance.format().bytes() as usize;
+            for (number, strip) in texels.chunks(strip).enumerate() {
+                let mut upload = self.gpu.frame()?;
+                upload.write_rows(&self.radiance, (number * rows) as u32, strip)?;
+                upload.run()?;
             }
-            let mut strip = self.gpu.frame()?;
-            strip.write_rows(&self.radiance, (first / width) as u32, texels)?;
-            strip.run().map(drop)
-        })?;
+        } else {
+            frame.write_image(&self.radiance, 0, 0, texels)?;
+        }
         let mut depth = &content.depth;
         let found;
         if let Some(buffer) = &self.lamps {

@@ -28,7 +28,7 @@ impl Unknown {
     /// Builds the pipelines and allocates for a panorama.
     pub fn new(gpu: &Gpu, panorama: &Panorama, plan: &Plan) -> Result<Self> {
         let lamps = plan.constant(Part::FreeLamps);
-        let light = [lamps, plan.constant(Part::VirtualSurfaces)];
+        let light = [lamps, plan.halves(), plan.constant(Part::VirtualSurfaces)];
         Ok(Self {
             kernel: Kernel::new::<()>(gpu, "unknown", shaders::UNKNOWN, &[])?,
             light: Kernel::new::<()>(gpu, "unknown_light", shaders::UNKNOWN_LIGHT, &light)?,

@@ -15,6 +15,7 @@ use crate::{
     Result,
     gpu::Constant,
     options::RenderOptions,
+    panorama::texels,
     scene::Scene,
     settings::{Directions, FilterOrder, MaskBy, Method, RealTracer, Settings, VirtualTracer},
 };
@@ -328,6 +329,11 @@ impl Plan {
         let deepest = 32 - width.max(height).leading_zeros();
         let levels = 1 + self.facts.footprint.log2().ceil().max(0.0) as u32;
         if self.on(Part::RadiancePyramid) { levels.max(2).min(deepest) } else { 1 }
+    }
+
+    /// The constant that says whether the panorama is of 16-bit floats.
+    pub fn halves(&self) -> Constant {
+        ("HALVES", u32::from(texels::is_half(self.facts.color_size)))
     }
 
     /// Whether anything needs the normals of real surfaces, and depth without its codes' steps.

@@ -32,12 +32,14 @@ use std::sync::Weak;
 impl Preparation {
     fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         Ok(Self {
-            radiance_pyramid: (plan.color_levels() > 1).then(|| RadiancePyramid::new(gpu)).transpose()?,
+            radiance_pyramid: (plan.color_levels() > 1)
+                .then(|| RadiancePyramid::new(gpu, plan.halves()))
+                .transpose()?,
             normals: plan.geometry().then(|| Normals::new(gpu)).transpose()?,
             depth_pyramid: plan.boxes().then(|| DepthPyramid::new(gpu)).transpose()?,
             light_table: plan
                 .on(Part::LightTable)
-                .then(|| LightTable::new(gpu, &plan.settings, plan.on(Part::FreeLamps)))
+                .then(|| LightTable::new(gpu, &plan.settings, plan.on(Part::FreeLamps), plan.halves()))
                 .transpose()?,
         })
     }

@@ -32,6 +32,7 @@ mod golden;
 mod gpu;
 mod identities;
 mod inspect;
+mod large;
 mod layers;
 mod lighting;
 mod methods;

@@ -323,7 +323,10 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
     let mut view = Resources::default();
     view.add("view", Resource::Buffer(data.clone()));
     let mut recorded = gpu.frame().expect("a frame");
-    LightTable::new(gpu, settings, false).expect("builds").record(&mut recorded, &panorama, &view).expect("records");
+    LightTable::new(gpu, settings, false, ("HALVES", 0))
+        .expect("builds")
+        .record(&mut recorded, &panorama, &view)
+        .expect("records");
     recorded.run().expect("runs");
     let find = |resources: &Resources, name: &str| match resources.0.iter().find(|(n, _)| *n == name) {
         Some((_, Resource::Buffer(buffer))) => Bind::from(buffer),

@@ -1,6 +1,7 @@
 // The panorama, and what is derived from it once per video frame (passes/panorama.rs).
 
-// Radiance: level 0, and all mip levels. w of level 0: by what factor it shines more than it shows.
+// Radiance: level 0, and all mip levels. w of level 0: by what factor it shines more than it shows. The image is a
+// stand-in where the panorama is of 16-bit floats (halves.glsl). `panorama_texel` reads either.
 layout(set = 0, binding = 1, rgba32f) uniform readonly image2D in_panorama_radiance;
 layout(set = 0, binding = 2) uniform sampler2D panorama_levels;
 // Radial depth, metres; 0 is a hole. Texel row j is row j + 1; the first and the last row hold the poles.
