@@ -277,3 +277,26 @@ fn shorten<T>(values: &mut Vec<T>, left: usize) {
     values.truncate(left);
     values.shrink_to_fit();
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tiff_of_floats_is_no_damaged_picture() {
+        let path = std::env::temp_dir().join(format!("iprt-rows-{}.tif", std::process::id()));
+        let mut encoder = tiff::encoder::TiffEncoder::new(File::create(&path).expect("writes")).expect("starts");
+        let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        encoder.write_image::<tiff::encoder::colortype::Gray32Float>(3, 2, &values).expect("writes");
+        drop(encoder);
+        assert_eq!(Rows::size(&path).expect("reads"), None);
+        let mut found = vec![0.0; 6];
+        let rows = Rows::open(&path, None).expect("reads");
+        rows.each(&mut |row, strip| {
+            strip.iter().enumerate().for_each(|(i, texel)| found[row as usize * 3 + i] = texel[0]);
+        })
+        .expect("decodes");
+        std::fs::remove_file(&path).expect("was there");
+        assert_eq!(found, values);
+    }
+}

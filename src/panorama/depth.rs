@@ -191,6 +191,19 @@ mod tests {
     }
 
     #[test]
+    fn swapped_depth_is_told_before_its_unit() {
+        let size = [64, 32];
+        let room = box_depth(size, Vec3::new(8.0, 2.6, 8.0), Vec3::ZERO, 0.0);
+        let radial = rule(DepthEncoding::Radial, 1.0, 0.0);
+        let codes: Vec<f32> = room.iter().map(|metres| 40_000.0 / metres).collect();
+        let warning = unit_warning(&codes, size, &radial).expect("a warning");
+        assert!(warning.contains("swapped") && warning.contains("\"disparity\""), "{warning}");
+        let millimetres: Vec<f32> = room.iter().map(|metres| 1000.0 * metres).collect();
+        assert!(unit_warning(&millimetres, size, &radial).is_some_and(|warning| warning.contains("scale = 0.001")));
+        assert_eq!(unit_warning(&room, size, &radial), None);
+    }
+
+    #[test]
     fn planar_depth_of_a_cube_is_constant() {
         let size = [32, 16];
         let cube = box_depth(size, Vec3::splat(4.0), Vec3::ZERO, 0.0);

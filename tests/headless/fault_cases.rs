@@ -171,6 +171,21 @@ fn what_the_device_cannot_hold_is_refused_before_it_is_decoded() {
 }
 
 #[test]
+fn more_pixels_than_are_decoded_whole_are_read_by_strips() {
+    let folder = Folder::empty();
+    flat_png(&folder.path("wide.png"), 32000, 16000);
+    let bytes = std::fs::read(folder.path("wide.png")).expect("reads");
+    std::fs::write(folder.path("wide.png"), &bytes[..60]).expect("writes");
+    folder.write("wide.toml", "[panorama]\ncolor = \"wide.png\"\ndepth = 3\n");
+    let color = run(&folder, &["check", "wide.toml", "--panorama-size", "64"]);
+    assert!(color.stderr.contains("wide.png: cannot be decoded"), "its rows are asked for: {}", color.stderr);
+    flat_png(&folder.path("small.png"), 64, 32);
+    folder.write("deep.toml", "[panorama]\ncolor = \"small.png\"\ndepth = \"wide.png\"\n");
+    let depth = run(&folder, &["check", "deep.toml", "--panorama-size", "64"]);
+    assert!(depth.stderr.contains("32000x16000 pixels, more than 16384x16384"), "{}", depth.stderr);
+}
+
+#[test]
 fn memory_is_asked_for_before_it_is_taken() {
     let folder = Folder::empty();
     flat_png(&folder.path("wide.png"), 12288, 6144);

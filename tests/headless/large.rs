@@ -88,11 +88,11 @@ fn a_large_panorama_gives_the_picture_of_a_small_one() {
             (whole, near)
         });
         let [(large, near), (small, near_small)] = &pictures;
-        assert!(apart(large, small, 64) < 2e-3, "{}", apart(large, small, 64));
+        assert!(apart(large, small, 64) < 5e-3, "{}", apart(large, small, 64));
         let brightest = large.iter().map(|texel| texel[0]).fold(0.0, f32::max);
         assert!(brightest > 0.99 * LAMP, "the lamp is {brightest}");
         for (large, small) in near.iter().zip(near_small) {
-            assert!(apart(large, small, SIZE[0]) < 2e-3, "{}", apart(large, small, SIZE[0]));
+            assert!(apart(large, small, SIZE[0]) < 5e-3, "{}", apart(large, small, SIZE[0]));
         }
         let dark = near[1].iter().map(|texel| texel[1]).fold(f32::INFINITY, f32::min);
         assert!(dark > NIGHT && near[0].iter().all(|texel| texel[0] > 0.99 * LAMP), "{dark}");

@@ -292,6 +292,21 @@ fn check_shows_what_it_understood_of_a_video() {
     assert!(Path::new(json["file"].as_str().expect("a name")).exists());
 }
 
+/// What the disparity's offset is, nobody says.
+#[test]
+fn a_new_scene_of_real_disparity_has_a_level_floor_with_the_object_on_it() {
+    let folder = Folder::empty();
+    let [color, depth] = ["0060_rgb.jpg", "0060_disp.png"].map(|name| data(&format!("rgbd/kandao/{name}")));
+    let [color, depth] = [color.display().to_string(), depth.display().to_string()];
+    folder.succeeds_with(&["new", &color, &depth, "-o", "scene.toml"]);
+    let report: serde_json::Value = serde_json::from_str(&folder.succeeds("check scene.toml --json -q")).expect("JSON");
+    let (tilt, height) = (&report["floor"]["tilt"], &report["floor"]["distance"]);
+    assert!(tilt.as_f64().is_some_and(|tilt| tilt < 6.0), "tilted by {tilt}");
+    assert!(height.as_f64().is_some_and(|height| (1.4..1.8).contains(&height)), "{height} m high");
+    let warnings = report["warnings"].to_string();
+    assert!(!warnings.contains("object"), "{warnings}");
+}
+
 /// From a video to a picture with an object in it, with no tool in between.
 #[test]
 fn a_scene_file_is_written_for_a_video() {

@@ -93,6 +93,22 @@ pub fn panel_title(scene: &ChartScene, panel: &Panel) -> String {
     format!("{}: {} {pixels}{moving}, {}", scene.name, panel.region, panel.truth.name())
 }
 
+/// Says which font is meant by sans-serif. It is Arial unless that is said, and without Arial no text would be drawn.
+fn name_sans_serif(fonts: &mut usvg::fontdb::Database) {
+    const PREFERRED: [&str; 5] = ["DejaVu Sans", "Liberation Sans", "Noto Sans", "Cantarell", "Helvetica"];
+    let query = |families: &[usvg::fontdb::Family<'_>], fonts: &usvg::fontdb::Database| {
+        fonts.query(&usvg::fontdb::Query { families, ..Default::default() }).is_some()
+    };
+    if query(&[usvg::fontdb::Family::SansSerif], fonts) {
+        return;
+    }
+    let any = || fonts.faces().find_map(|face| face.families.first().map(|(name, _)| name.clone()));
+    let preferred = PREFERRED.into_iter().find(|name| query(&[usvg::fontdb::Family::Name(name)], fonts));
+    if let Some(name) = preferred.map(str::to_owned).or_else(any) {
+        fonts.set_sans_serif_family(name);
+    }
+}
+
 /// Draws an SVG as 8-bit RGB, with `zoom` pixels for each of the SVG's own. Its text is drawn with fonts of
 /// the system.
 ///
@@ -102,6 +118,7 @@ pub fn pixels(svg: &str, zoom: f32) -> Result<Codes> {
     let internal = |error: &dyn std::fmt::Display| Error::Internal(format!("drawing the chart: {error}"));
     let mut options = usvg::Options::default();
     options.fontdb_mut().load_system_fonts();
+    name_sans_serif(options.fontdb_mut());
     if options.fontdb.is_empty() {
         tracing::warn!("there is no font on this system: the PNG of the chart has no text; the SVG has");
     }
@@ -112,4 +129,21 @@ pub fn pixels(svg: &str, zoom: f32) -> Result<Codes> {
     // The figure has a white background, so no pixel is transparent.
     let codes = pixmap.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
     Ok(([size.width(), size.height()], codes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_drawn_with_whatever_font_there_is() {
+        let mut fonts = usvg::fontdb::Database::new();
+        fonts.load_system_fonts();
+        let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"80\" height=\"20\" font-family=\"sans-serif\">\
+                   <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/><text x=\"2\" y=\"15\">depth</text></svg>";
+        let (size, codes) = pixels(svg, 1.0).expect("draws");
+        assert_eq!(size, [80, 20]);
+        let dark = codes.iter().filter(|code| **code < 100).count();
+        assert!(fonts.is_empty() || dark > 20, "{dark} dark pixels with {} fonts", fonts.len());
+    }
 }
