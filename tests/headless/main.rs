@@ -52,6 +52,7 @@ mod samplers;
 mod samples;
 mod scene;
 mod shapes;
+mod sides;
 mod stability;
 mod stereo;
 mod stored;
