@@ -446,7 +446,7 @@ impl World {
                 let seen = if is_mirror { mirrors.0 / mirrors.1 } else { self.thing_radiance(&hit, eye, d, turn, 2) };
                 // Of a pattern the pixel shows the mean.
                 let seen = match hit.thing.map(|i| self.things[i].albedo_at(eye + d * hit.t)) {
-                    Some(here) if patterned => seen / here * (albedos.0 / albedos.1),
+                    Some(here) if patterned && here.min_element() > 0.0 => seen / here * (albedos.0 / albedos.1),
                     _ => seen,
                 };
                 radiance += (1.0 - share) * seen;

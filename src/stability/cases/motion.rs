@@ -272,7 +272,8 @@ fn turning_leaves(run: &Run) -> Result<Outcome> {
     turntable(run, || {
         let sheet = |size: Vec3, x: f32, z: f32| {
             let at = vec3(x, FLOOR + 0.42, -0.6 + z);
-            Thing { pattern: Pattern::Leaves(21), ..Thing::block(size, 0.3, at) }
+            // They shine, so that the truth of a pixel's many leaves is their share alone.
+            Thing { pattern: Pattern::Leaves(21), emission: Vec3::splat(0.9), ..Thing::block(size, 0.0, at) }
         };
         let (along, across) = (vec3(0.8, 0.8, 0.01), vec3(0.01, 0.8, 0.8));
         vec![sheet(along, 0.0, -0.2), sheet(along, 0.0, 0.2), sheet(across, -0.2, 0.0), sheet(across, 0.2, 0.0)]
