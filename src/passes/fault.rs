@@ -78,7 +78,7 @@ impl Fault {
             Self::Drift => &["temporal"],
             Self::HistoryOfOthers => &["sampling_mask", "temporal"],
             Self::RealIgnored | Self::CameraCentred | Self::NarrowColumns => &["gbuffer", "coverage"],
-            Self::TexturesFinest => &["gbuffer", "surface", "coverage", "irradiance"],
+            Self::TexturesFinest => &["gbuffer", "silhouette", "surface", "irradiance"],
             Self::MotionOff => &["gbuffer", "sampling_mask", "irradiance", "temporal"],
             Self::NormalsUnturned => &["gbuffer", "coverage", "irradiance"],
             Self::FilterBlind => &["interpolate", "atrous"],
