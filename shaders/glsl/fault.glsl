@@ -21,3 +21,4 @@ const uint FAULT_LAST_TILE_LOST = 13u;
 const uint FAULT_NARROW_COLUMNS = 14u;
 const uint FAULT_DRIFT = 15u;
 const uint FAULT_HISTORY_OF_OTHERS = 16u;
+const uint FAULT_TEXTURES_FINEST = 17u;

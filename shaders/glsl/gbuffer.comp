@@ -39,7 +39,7 @@ void main() {
                 uvec4 known = imageLoad(guide, ivec3(p, REAL));
                 real.t = guide_has_position(known) ? distance(guide_position(known), origin) : FAR;
             }
-            SceneHit found = primary_trace(origin, d, real.t, passes);
+            SceneHit found = primary_trace(origin, d, real.t, pixel_angle(), passes);
             met = inside && found.instance != NONE;
             // Few pixels show objects, and stores cost much: only what has changed is written.
             uvec4 had = inside ? imageLoad(hit, p) : uvec4(NONE, 0u, 0u, 0u);

@@ -63,22 +63,22 @@ RealPoint real_surface(vec3 origin, vec3 d) {
 }
 
 // Returns the first virtual surface that is there at all along a primary ray before `t_max`, and what share of the
-// light from behind passes all of them that lie before `t_max`.
-SceneHit primary_trace(vec3 origin, vec3 d, float t_max, out float passes) {
+// light from behind passes all of them that lie before `t_max`. The ray widens by `angle` radians.
+SceneHit primary_trace(vec3 origin, vec3 d, float t_max, float angle, out float passes) {
     if (FAULT == FAULT_REAL_IGNORED) t_max = FAR;
     SceneHit first = SceneHit(FAR, NONE, NONE, vec2(0.0));
     passes = 1.0;
     if (ALPHA == 0u) {
-        SceneHit hit = scene_closest(origin, d, 0.0, FAR);
+        SceneHit hit = scene_closest_seen(origin, d, 0.0, FAR);
         if (hit.instance == NONE || hit.t >= t_max) return first;
         passes = 0.0;
         return hit;
     }
     float t_min = 0.0;
     for (uint layer = 0u; layer < MOST_LAYERS; layer++) {
-        SceneHit hit = scene_closest(origin, d, t_min, t_max);
+        SceneHit hit = scene_closest_seen(origin, d, t_min, t_max);
         if (hit.instance == NONE) break;
-        float alpha = hit_alpha(hit);
+        float alpha = hit_alpha(hit, d, hit.t * angle);
         if (alpha > 0.0 && first.instance == NONE) first = hit;
         passes *= 1.0 - alpha;
         if (passes < 1.0 / 1024.0) { passes = 0.0; break; }
@@ -99,9 +99,8 @@ void write_virtual(ivec2 p, SceneHit met, vec3 d, float opacity) {
         uint first = in_instances.instance[met.instance].previous;
         if (DEFORMATION != 0u && first != NONE) {
             uint item = (met.triangle - first) * 3u;
-            tri = TriangleGeometry(uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item)).xyz),
-                uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item + 1u)).xyz),
-                uintBitsToFloat(imageLoad(in_previous_triangles, table_texel(item + 2u)).xyz));
+            tri = triangle_of(imageLoad(in_previous_triangles, table_texel(item)), imageLoad(in_previous_triangles, table_texel(item + 1u)),
+                imageLoad(in_previous_triangles, table_texel(item + 2u)));
         }
         vec3 point = tri.v0 + tri.e1 * met.barycentric.x + tri.e2 * met.barycentric.y;
         previous = transform_point(in_instances.instance[met.instance].previous_object_to_world, point);

@@ -25,7 +25,7 @@ void real_surface_light(ivec2 p) {
     vec3 radiance = vec3(0.0), change = vec3(0.0);
     vec2 units = in_view.view.light_units;
     if (ray.weight.x > 0.0 || (EMITTERS != 0u && aim.emitter)) {
-        SceneHit hit = virtual_trace(from.off_virtual, ray.d, ray.real.t, random);
+        SceneHit hit = virtual_trace(from.off_virtual, ray.d, ray.real.t, false, random);
         vec3 weight = mixed_weight(ray, aim, hit);
         float factor = 1.0;
         if (ROULETTE != 0u && hit.instance == NONE) {
@@ -71,8 +71,8 @@ struct Reflected { float t; vec3 moved; };
 void other_point(ivec2 p, uint path, vec3 albedo, inout Seen seen) {
     vec2 at = vec2(p) + first_numbers(p, 3u, path).xy;
     vec3 origin = view_origin(at), d = view_direction(at);
-    SceneHit hit = scene_closest(origin, d, 0.0, FAR);
-    if (hit.instance == NONE || (ALPHA != 0u && hit_alpha(hit) <= 0.0)) return;
+    SceneHit hit = scene_closest_seen(origin, d, 0.0, FAR);
+    if (hit.instance == NONE || (ALPHA != 0u && hit_alpha(hit, d, hit.t * pixel_angle()) <= 0.0)) return;
     seen.instance = hit.instance;
     seen.from_eye = d;
     seen.surface = scene_surface(hit, d, hit.t * pixel_angle());
@@ -109,7 +109,7 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
     if (!behind && !bsdf_leaves(s, lobe, ray.d)) factor = vec3(0.0);
     vec3 radiance = vec3(0.0);
     if (factor.x > 0.0 && (largest(ray.weight) > 0.0 || (EMITTERS != 0u && drawn.emitter))) {
-        SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, random);
+        SceneHit hit = virtual_trace(origin, ray.d, ray.real.t, behind, random);
         vec3 weight = factor * mixed_weight(ray, drawn, hit);
         if (REFLECTIONS != 0u && seen.instance == instance && (lobe == GLOSSY || lobe == COAT) && !behind && !drawn.light && !drawn.emitter) {
             reflected.t = hit.instance != NONE ? hit.t : ray.real.t;

@@ -48,10 +48,10 @@ PanoramaHit real_trace(vec3 origin, vec3 near, vec3 d) {
     return hit;
 }
 
-// Returns the virtual surface that a ray meets before t_max.
-SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, inout Random random) {
+// Returns the virtual surface that a ray meets before t_max. One from the camera passes backs of what has one side.
+SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, bool from_camera, inout Random random) {
     if (VIRTUAL_TRACER == SCREEN) return screen_trace(origin, d, t_max, random_next(random));
-    return scene_trace(origin, d, t_max);
+    return scene_trace_from(origin, d, t_max, from_camera);
 }
 
 // Returns the radiance of what a ray met, as captured. No skirt shines: what it shows of the side of a lamp or a
@@ -300,7 +300,7 @@ vec3 punctual(vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye, ino
     if (PUNCTUAL == 0u || SPECULAR != 0u && bsdf_is_sharp(s, lobe)) return vec3(0.0);
     PunctualChoice chosen = punctual_choose(near, s, l, to_eye, lobe, random);
     if (chosen.weight <= 0.0 || real_trace(x, near, chosen.d).t < chosen.distance * (1.0 - 1e-4)) return vec3(0.0);
-    return virtual_trace(near, chosen.d, chosen.distance, random).instance == NONE ? chosen.brings : vec3(0.0);
+    return virtual_trace(near, chosen.d, chosen.distance, false, random).instance == NONE ? chosen.brings : vec3(0.0);
 }
 
 const uint MOST_BOUNDARIES = 12u; // of glass, beside the bounces
@@ -341,7 +341,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
                 ray.real.t = ray.real.t < FAR ? max(ray.real.t - hit.t, 0.0) : FAR;
                 ray.density = 0.0; // what lies behind was not aimed at
                 hit.instance = NONE;
-                if (INTERREFLECTION != 0u && boundaries < 2u * MOST_BOUNDARIES) hit = virtual_trace(origin, ray.d, ray.real.t, random);
+                if (INTERREFLECTION != 0u && boundaries < 2u * MOST_BOUNDARIES) hit = virtual_trace(origin, ray.d, ray.real.t, false, random);
                 continue;
             }
         }
@@ -350,7 +350,7 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
         wide = lobe == DIFFUSE || lobe == SHEEN_LOBE;
         hit.instance = NONE;
         if (INTERREFLECTION != 0u && bounce < in_view.view.bounces && ((EMITTERS != 0u && next.emitter) || largest(ray.weight) > 0.0))
-            hit = virtual_trace(origin, ray.d, ray.real.t, random);
+            hit = virtual_trace(origin, ray.d, ray.real.t, false, random);
         throughput *= mixed_weight(ray, next, hit) / bsdf_probability(l, lobe);
         if (largest(throughput) <= 0.0) break;
     }

@@ -120,7 +120,7 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, uint lobe, float pick, vec2 u, floa
         if (by_lobe <= 0.0) continue;
         Material m = in_materials.material[in_shading.triangle[point.triangle].material];
         vec3 radiance = m.textures[SLOT_EMISSIVE] == NONE && (m.flags & UNLIT) == 0u ? m.emissive : scene_surface(point, d, 0.0).emissive;
-        if ((m.flags & (MASKED | BLENDED)) != 0u) radiance *= hit_alpha(point);
+        if ((m.flags & (MASKED | BLENDED)) != 0u) radiance *= hit_alpha(point, d, 0.0);
         vec3 brings = value * radiance / (by_light + (push.sampling == MIS ? by_lobe : 0.0));
         float weight = luminance(brings);
         total += weight;
@@ -156,7 +156,7 @@ void main() {
     vec4 middle;
     vec3 middle_d = view_direction(vec2(p) + 0.5);
     if (in_view.view.frame == 0u) {
-        SceneHit hit = scene_trace(origin, middle_d, FAR);
+        SceneHit hit = scene_trace_from(origin, middle_d, FAR, true);
         middle = vec4(0.0);
         if (hit.instance != NONE) middle = vec4(scene_surface(hit, middle_d, 0.0).normal, hit.t);
         imageStore(centre, p, middle);
@@ -169,7 +169,7 @@ void main() {
     draws.random = random_begin(uvec2(p), 2u);
 
     vec3 d = view_direction(vec2(p) + draw(draws));
-    SceneHit hit = scene_trace(origin, d, FAR);
+    SceneHit hit = scene_trace_from(origin, d, FAR, true);
     vec3 seen = vec3(0.0), sum = vec3(0.0), first_albedo = vec3(0.0);
     vec3 throughput = vec3(1.0);
     float importance = 1.0; // weight of the path after its first surface

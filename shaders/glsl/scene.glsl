@@ -48,18 +48,20 @@ vec3 safe_inverse(vec3 d) {
     return vec3(abs(d.x) > 1e-20 ? 1.0 / d.x : 1e20, abs(d.y) > 1e-20 ? 1.0 / d.y : 1e20, abs(d.z) > 1e-20 ? 1.0 / d.z : 1e20);
 }
 
-struct TriangleGeometry { vec3 v0; vec3 e1; vec3 e2; };
+struct TriangleGeometry { vec3 v0; vec3 e1; vec3 e2; bool one_sided; };
+
+TriangleGeometry triangle_of(uvec4 v0, uvec4 e1, uvec4 e2) {
+    return TriangleGeometry(uintBitsToFloat(v0.xyz), uintBitsToFloat(e1.xyz), uintBitsToFloat(e2.xyz), v0.w != 0u);
+}
 
 TriangleGeometry triangle_geometry(uint triangle) {
-    return TriangleGeometry(uintBitsToFloat(imageLoad(in_triangles, table_texel(triangle * 3u)).xyz),
-        uintBitsToFloat(imageLoad(in_triangles, table_texel(triangle * 3u + 1u)).xyz),
-        uintBitsToFloat(imageLoad(in_triangles, table_texel(triangle * 3u + 2u)).xyz));
+    return triangle_of(imageLoad(in_triangles, table_texel(triangle * 3u)), imageLoad(in_triangles, table_texel(triangle * 3u + 1u)),
+        imageLoad(in_triangles, table_texel(triangle * 3u + 2u)));
 }
 
 #ifdef RAY_QUERY // virtual_tracer = ray_query
 
-// Finds the closest virtual surface along a ray in (t_min, t_max), be it there or a hole.
-SceneHit scene_closest(vec3 origin, vec3 d, float t_min, float t_max) {
+SceneHit scene_find(vec3 origin, vec3 d, float t_min, float t_max) {
     SceneHit hit = SceneHit(FAR, NONE, NONE, vec2(0.0));
     // Devices differ in whether what is at t_min itself is met.
     float after = t_min * 1.000001;
@@ -73,6 +75,21 @@ SceneHit scene_closest(vec3 origin, vec3 d, float t_min, float t_max) {
         // An instance's own index is the first triangle of its mesh.
         hit.triangle = rayQueryGetIntersectionInstanceCustomIndexEXT(query, true) + rayQueryGetIntersectionPrimitiveIndexEXT(query, true);
         hit.barycentric = rayQueryGetIntersectionBarycentricsEXT(query, true);
+    }
+    return hit;
+}
+
+const uint MOST_BACKS = 64u; // that the camera passes, along a ray
+
+SceneHit scene_find(vec3 origin, vec3 d, float t_min, float t_max, bool from_camera) {
+    SceneHit hit = scene_find(origin, d, t_min, t_max);
+    if (!from_camera) return hit;
+    // Facing is a triangle's own matter, as materials are. A query knows it of whole instances alone.
+    for (uint back = 0u; back < MOST_BACKS && hit.instance != NONE; back++) {
+        TriangleGeometry tri = triangle_geometry(hit.triangle);
+        vec3 normal = transform_normal(in_instances.instance[hit.instance].world_to_object, cross(tri.e1, tri.e2));
+        if (!tri.one_sided || dot(normal, d) < 0.0) break;
+        hit = scene_find(origin, d, hit.t, t_max);
     }
     return hit;
 }
@@ -95,7 +112,7 @@ bool box_met(uvec4 least, uvec4 greatest, vec3 inverse, vec3 shift, float t_max)
     return enter <= leave * 1.0000004;
 }
 
-void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, float t_min, inout SceneHit hit) {
+void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, float t_min, bool from_camera, inout SceneHit hit) {
     uint first = leaf >> 3u, end = first + (leaf & 7u);
     for (uint k = first; k < end; k++) {
         TriangleGeometry tri = triangle_geometry(k);
@@ -107,7 +124,9 @@ void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, float t_min,
         vec3 q = cross(s, tri.e1);
         float v = dot(d, q) * inverse;
         float t = dot(tri.e2, q) * inverse;
-        if (det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > t_min && t < hit.t) hit = SceneHit(t, instance, k, vec2(u, v));
+        // The winding that the file has in object space says which side is the front, mirrored or not.
+        bool culled = from_camera && tri.one_sided && det < 0.0;
+        if (!culled && det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > t_min && t < hit.t) hit = SceneHit(t, instance, k, vec2(u, v));
     }
 }
 
@@ -123,7 +142,7 @@ void scene_triangles(uint leaf, uint instance, vec3 origin, vec3 d, float t_min,
     }
 
 // Traces one instance. The ray in object space keeps its parameter t.
-void scene_instance(uint index, vec3 world_origin, vec3 world_d, float t_min, inout SceneHit hit) {
+void scene_instance(uint index, vec3 world_origin, vec3 world_d, float t_min, bool from_camera, inout SceneHit hit) {
     vec4 rows[3];
     [[unroll]] for (uint row = 0u; row < 3u; row++) rows[row] = uintBitsToFloat(imageLoad(in_places, table_texel(index * 4u + row)));
     vec3 origin = transform_point(rows, world_origin), d = transform_direction(rows, world_d);
@@ -134,7 +153,7 @@ void scene_instance(uint index, vec3 world_origin, vec3 world_d, float t_min, in
     while (true) {
         WALK(in_nodes, node, inverse, shift, hit.t, leaf)
         if (leaf == 0u) break;
-        scene_triangles(leaf, index, origin, d, t_min, hit);
+        scene_triangles(leaf, index, origin, d, t_min, from_camera, hit);
     }
 }
 
@@ -146,26 +165,31 @@ bool scene_meets(vec3 origin, vec3 d, float t_max) {
     while (hit.instance == NONE) {
         WALK(in_top_nodes, node, inverse, shift, t_max, leaf)
         if (leaf == 0u) break;
-        scene_instance(leaf >> 3u, origin, d, 0.0, hit);
+        scene_instance(leaf >> 3u, origin, d, 0.0, false, hit);
     }
     return hit.instance != NONE;
 }
 
-// Finds the closest virtual surface along a ray in (t_min, t_max), be it there or a hole.
-SceneHit scene_closest(vec3 origin, vec3 d, float t_min, float t_max) {
+SceneHit scene_find(vec3 origin, vec3 d, float t_min, float t_max, bool from_camera) {
     SceneHit hit = SceneHit(t_max, NONE, NONE, vec2(0.0));
     vec3 inverse = safe_inverse(d), shift = -origin * inverse;
     uint node = in_view.view.instance_count > 0u ? 0u : NONE, leaf;
     while (true) {
         WALK(in_top_nodes, node, inverse, shift, hit.t, leaf)
         if (leaf == 0u) break;
-        scene_instance(leaf >> 3u, origin, d, t_min, hit);
+        scene_instance(leaf >> 3u, origin, d, t_min, from_camera, hit);
     }
     if (hit.instance == NONE) hit.t = FAR;
     return hit;
 }
 
 #endif
+
+// Finds the closest virtual surface along a ray in (t_min, t_max), be it there or a hole.
+SceneHit scene_closest(vec3 origin, vec3 d, float t_min, float t_max) { return scene_find(origin, d, t_min, t_max, false); }
+
+// Finds the same along a ray from the camera, which sees no backs of what has one side.
+SceneHit scene_closest_seen(vec3 origin, vec3 d, float t_min, float t_max) { return scene_find(origin, d, t_min, t_max, true); }
 
 const uint TEXTURES_MOVED = 1u << 31u; // in TEXTURES
 
@@ -197,8 +221,9 @@ struct Texcoords { vec2 uv; mat2 axes; vec2 uv2; mat2 axes2; };
 const uint MOST_PROBES = 8u; // along the footprint
 
 // Returns the mean of a texture over a hit's footprint: probes along its longer axis, each trilinear and as wide
-// as the shorter one (as anisotropic samplers do).
-vec4 texture_sample(uint index, Texcoords at) {
+// as the shorter one (as anisotropic samplers do). From `cutoff` on, alpha of the finest level is all there. A
+// negative one cuts nothing. Coarser levels of masks hold what share is there.
+vec4 texture_sample(uint index, Texcoords at, float cutoff) {
     Texture tex = in_textures.entry[index];
     vec2 uv = at.uv;
     mat2 axes = at.axes;
@@ -207,6 +232,7 @@ vec4 texture_sample(uint index, Texcoords at) {
         uv = vec2(dot(tex.transform[0], vec3(uv, 1.0)), dot(tex.transform[1], vec3(uv, 1.0)));
         axes = transpose(mat2(tex.transform[0].xy, tex.transform[1].xy)) * axes;
     }
+    if (FAULT == FAULT_TEXTURES_FINEST) axes = mat2(0.0);
     vec2 whole = vec2(tex.width, tex.height);
     float one = length(axes[0] * whole), other = length(axes[1] * whole); // texels
     vec2 line = one > other ? axes[0] : axes[1];
@@ -234,14 +260,16 @@ vec4 texture_sample(uint index, Texcoords at) {
         uint first = coarser ? offset + max(1u, tex.width >> l) * max(1u, tex.height >> l) : offset;
         vec4 a = mix(texture_texel(tex, first, size, i), texture_texel(tex, first, size, i + ivec2(1, 0)), f.x);
         vec4 b = mix(texture_texel(tex, first, size, i + ivec2(0, 1)), texture_texel(tex, first, size, i + ivec2(1, 1)), f.x);
-        sum += (coarser ? between : 1.0 - between) * mix(a, b, f.y);
+        vec4 texel = mix(a, b, f.y);
+        if (cutoff >= 0.0 && of == 0u) texel.a = float(texel.a >= cutoff);
+        sum += (coarser ? between : 1.0 - between) * texel;
     }
     return sum / float(probes);
 }
 
 // Says whether material m has a texture in a slot, and reads it.
 #define TEXTURED(slot) ((TEXTURES & (1u << slot)) != 0u && m.textures[slot] != NONE)
-#define TEXEL(slot) texture_sample(m.textures[slot], at)
+#define TEXEL(slot) texture_sample(m.textures[slot], at, -1.0)
 
 // Returns where a hit is.
 vec3 scene_point(SceneHit hit) {
@@ -249,41 +277,66 @@ vec3 scene_point(SceneHit hit) {
     return transform_point(in_instances.instance[hit.instance].object_to_world, tri.v0 + tri.e1 * hit.barycentric.x + tri.e2 * hit.barycentric.y);
 }
 
-// Returns how much of a surface is there at a hit, from 0 to 1.
-float hit_alpha(SceneHit hit) {
+// Returns the ellipse that a ray along d, `width` metres wide, covers on a triangle: its axes along the ray and across
+// it, as shares of the triangle's edges.
+mat2 footprint(TriangleGeometry tri, vec4 object_to_world[3], vec3 geometric, vec3 d, float width) {
+    vec3 w1 = transform_direction(object_to_world, tri.e1), w2 = transform_direction(object_to_world, tri.e2);
+    vec3 n = cross(w1, w2);
+    float facing = abs(dot(geometric, d));
+    vec3 across = cross(geometric, d);
+    across = facing < 0.9999 ? normalize(across) : basis(geometric)[0];
+    vec3 along = cross(across, geometric) * (width / max(facing, 1e-2));
+    across *= width;
+    float scale = 1.0 / max(dot(n, n), 1e-30);
+    return scale * mat2(dot(cross(along, w2), n), dot(cross(w1, along), n), dot(cross(across, w2), n), dot(cross(w1, across), n));
+}
+
+// Returns how much of a surface is there at a hit, from 0 to 1, of what a ray along d, `width` metres wide, covers.
+float hit_alpha(SceneHit hit, vec3 d, float width) {
     TriangleShading shading = in_shading.triangle[hit.triangle];
     Material m = in_materials.material[shading.material];
     if ((m.flags & (MASKED | BLENDED)) == 0u) return 1.0;
     Vertex v0 = in_vertices.vertex[shading.v0], v1 = in_vertices.vertex[shading.v1], v2 = in_vertices.vertex[shading.v2];
     vec3 b = vec3(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
+    bool masked = (m.flags & MASKED) != 0u;
     float alpha = m.alpha * dot(vec3(v0.color >> 24u, v1.color >> 24u, v2.color >> 24u), b) / 255.0;
-    if (TEXTURED(SLOT_BASE_COLOR)) {
-        Texcoords at = Texcoords(v0.uv * b.x + v1.uv * b.y + v2.uv * b.z, mat2(0.0), v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z, mat2(0.0));
-        alpha *= TEXEL(SLOT_BASE_COLOR).a;
+    if (!TEXTURED(SLOT_BASE_COLOR)) return masked ? float(alpha >= m.alpha_cutoff) : clamp(alpha, 0.0, 1.0);
+    Texcoords at = Texcoords(v0.uv * b.x + v1.uv * b.y + v2.uv * b.z, mat2(0.0), v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z, mat2(0.0));
+    if (width > 0.0) {
+        TriangleGeometry tri = triangle_geometry(hit.triangle);
+        Instance instance = in_instances.instance[hit.instance];
+        vec3 geometric = normalize(transform_normal(instance.world_to_object, cross(tri.e1, tri.e2)));
+        mat2 edges = footprint(tri, instance.object_to_world, geometric, d, width);
+        at.axes = mat2(v1.uv - v0.uv, v2.uv - v0.uv) * edges;
+        at.axes2 = mat2(v1.uv2 - v0.uv2, v2.uv2 - v0.uv2) * edges;
     }
-    return (m.flags & MASKED) != 0u ? float(alpha >= m.alpha_cutoff) : clamp(alpha, 0.0, 1.0);
+    float sampled = texture_sample(m.textures[SLOT_BASE_COLOR], at, masked ? m.alpha_cutoff / max(alpha, 1e-6) : -1.0).a;
+    return clamp(masked ? sampled : alpha * sampled, 0.0, 1.0);
 }
 
 const uint MOST_LAYERS = 64u; // that are not there, along a ray
 
 // Finds the closest virtual surface that is there along a ray before t_max. What is there in part is there at
-// random, that often.
-SceneHit scene_trace(vec3 origin, vec3 d, float t_max) {
-    if (ALPHA == 0u) return scene_closest(origin, d, 0.0, t_max);
+// random, that often. A ray from the camera passes the backs of what has one side.
+SceneHit scene_trace_from(vec3 origin, vec3 d, float t_max, bool from_camera) {
+    if (ALPHA == 0u) return scene_find(origin, d, 0.0, t_max, from_camera);
     SceneHit hit;
     float t_min = 0.0;
     for (uint layer = 0u; layer < MOST_LAYERS; layer++) {
-        hit = scene_closest(origin, d, t_min, t_max);
+        hit = scene_find(origin, d, t_min, t_max, from_camera);
         if (hit.instance == NONE) break;
         uint at = hash(floatBitsToUint(hit.barycentric.x) + hash(floatBitsToUint(hit.barycentric.y) + hit.triangle));
         Random random = random_begin(uvec2(at, floatBitsToUint(hit.t)), 3u);
-        if (random_next(random) < hit_alpha(hit)) break;
+        if (random_next(random) < hit_alpha(hit, d, 0.0)) break;
         t_min = hit.t;
         hit.instance = NONE;
     }
     if (hit.instance == NONE) hit.t = FAR;
     return hit;
 }
+
+// The same of a ray from a surface.
+SceneHit scene_trace(vec3 origin, vec3 d, float t_max) { return scene_trace_from(origin, d, t_max, false); }
 
 // Returns how the eye sees light that interferes with itself after a path of so many nanometres, linear RGB.
 vec3 film_sensitivity(float path, vec3 shift) {
@@ -356,20 +409,11 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     normal = dot(normal, normal) > 0.0 ? normalize(normal) : s.geometric;
     vec3 smooth_normal = normal;
 
-    // The footprint of a cone around the ray is an ellipse on the triangle. The axes are in its edges first.
     Texcoords at;
     at.uv = v0.uv * b.x + v1.uv * b.y + v2.uv * b.z;
     at.uv2 = v0.uv2 * b.x + v1.uv2 * b.y + v2.uv2 * b.z;
     if (TEXTURES != 0u) {
-        vec3 w1 = transform_direction(instance.object_to_world, tri.e1), w2 = transform_direction(instance.object_to_world, tri.e2);
-        vec3 n = cross(w1, w2);
-        float facing = abs(dot(s.geometric, d));
-        vec3 across = cross(s.geometric, d);
-        across = facing < 0.9999 ? normalize(across) : basis(s.geometric)[0];
-        vec3 along = cross(across, s.geometric) * (width / max(facing, 1e-2));
-        across *= width;
-        float scale = 1.0 / max(dot(n, n), 1e-30);
-        mat2 edges = scale * mat2(dot(cross(along, w2), n), dot(cross(w1, along), n), dot(cross(across, w2), n), dot(cross(w1, across), n));
+        mat2 edges = footprint(tri, instance.object_to_world, s.geometric, d, width);
         at.axes = mat2(v1.uv - v0.uv, v2.uv - v0.uv) * edges;
         at.axes2 = mat2(v1.uv2 - v0.uv2, v2.uv2 - v0.uv2) * edges;
     }

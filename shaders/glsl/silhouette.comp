@@ -34,16 +34,17 @@ void main() {
     bool still = true; // what is seen here was here a frame ago
     SceneHit best;
     vec3 best_d;
+    float angle = pixel_angle() * inversesqrt(float(n)); // of a point's share of the pixel
     for (uint k = 0u; k < n; k++) {
         vec2 offset = fract(vec2(0.5) + float(k) * vec2(0.7548776662, 0.5698402910));
         vec3 origin = view_origin(vec2(p) + offset), d = view_direction(vec2(p) + offset);
         float passes;
-        SceneHit hit = primary_trace(origin, d, FAULT != FAULT_REAL_IGNORED ? real_surface(origin, d).t : FAR, passes);
+        SceneHit hit = primary_trace(origin, d, FAULT != FAULT_REAL_IGNORED ? real_surface(origin, d).t : FAR, angle, passes);
         real_count += passes;
         if (hit.instance == NONE) continue;
         Surface s = scene_surface(hit, d, hit.t * pixel_angle());
         albedo += (1.0 - passes) * bsdf_lobes(s, -d).diffuse;
-        emitted += (ALPHA != 0u ? s.alpha : 1.0) * s.emissive;
+        emitted += (ALPHA != 0u ? min(s.alpha, 1.0 - passes) : 1.0) * s.emissive;
         Instance instance = in_instances.instance[hit.instance];
         vec3 previous = s.position + point_motion(instance, s.position);
         vec2 motion = motion_of(vec2(p) + offset, previous, 0.0).xy;

@@ -56,6 +56,8 @@ pub enum Fault {
     Drift = 15,
     /// The history of whatever surface was there before is taken.
     HistoryOfOthers = 16,
+    /// Textures are read at their finest level, however far they are.
+    TexturesFinest = 17,
     /// The history never ends and is never clamped.
     HistoryKept = 100,
     /// The seed counts the frames of the whole process.
@@ -76,6 +78,7 @@ impl Fault {
             Self::Drift => &["temporal"],
             Self::HistoryOfOthers => &["sampling_mask", "temporal"],
             Self::RealIgnored | Self::CameraCentred | Self::NarrowColumns => &["gbuffer", "coverage"],
+            Self::TexturesFinest => &["gbuffer", "silhouette", "surface", "irradiance"],
             Self::MotionOff => &["gbuffer", "sampling_mask", "irradiance", "temporal"],
             Self::NormalsUnturned => &["gbuffer", "coverage", "irradiance"],
             Self::FilterBlind => &["interpolate", "atrous"],

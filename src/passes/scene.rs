@@ -12,7 +12,7 @@ use crate::{
         deform::Patch,
         lights::Shining,
         packed::{
-            BvhNode, EmitterHeader, Instance, Light, Mover, NONE, PackedInstances, PackedScene, Punctual,
+            BvhNode, EmitterHeader, Instance, Light, Mover, NONE, ONE_SIDED, PackedInstances, PackedScene, Punctual,
             TriangleGeometry, Vertex,
         },
     },
@@ -45,6 +45,7 @@ struct Deformed {
     nodes: Table,
     /// The triangles a frame ago.
     previous: Table,
+    one_sided: Vec<bool>,
     /// What is in the tables' rows before them.
     triangles_before: Vec<[u32; 4]>,
     nodes_before: Vec<[u32; 4]>,
@@ -75,7 +76,7 @@ impl SceneBuffers {
         resources.add("emitters", Resource::Buffer(emitters.clone()));
         let punctual = gpu.buffer("punctual lights", (size_of::<u32>() + lights * size_of::<Punctual>()) as u64)?;
         resources.add("punctual", Resource::Buffer(punctual.clone()));
-        let triangle_items = triangle_items(&scene.triangles);
+        let triangle_items = triangle_items(&scene.triangles, &one_sided(scene, 0));
         let triangles = Table::with(gpu, "triangles", &triangle_items)?;
         let node_items: &[[u32; 4]] = bytemuck::cast_slice(&scene.nodes);
         let nodes = Table::with(gpu, "bvh nodes", node_items)?;
@@ -106,6 +107,7 @@ impl SceneBuffers {
                 first_vertex: first.unwrap_or(0) as usize,
                 first_node,
                 vertices,
+                one_sided: one_sided(scene, first_triangle),
                 triangles_before: before(&triangle_items, first_triangle * TRIANGLE_TEXELS),
                 nodes_before: before(node_items, first_node * NODE_TEXELS),
                 triangles,
@@ -197,9 +199,16 @@ const MAX_EMITTERS: usize = 1 << 20;
 const TRIANGLE_TEXELS: usize = 3;
 const NODE_TEXELS: usize = 2;
 
-fn triangle_items(triangles: &[TriangleGeometry]) -> Vec<[u32; 4]> {
-    let texel = |v: Vec3| v.extend(0.0).to_array().map(f32::to_bits);
-    triangles.iter().flat_map(|t| [t.v0, t.e1, t.e2].map(texel)).collect()
+fn triangle_items(triangles: &[TriangleGeometry], one_sided: &[bool]) -> Vec<[u32; 4]> {
+    let texel = |v: Vec3, w: bool| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), u32::from(w)];
+    let items = triangles.iter().zip(one_sided);
+    items.flat_map(|(t, one_sided)| [texel(t.v0, *one_sided), texel(t.e1, false), texel(t.e2, false)]).collect()
+}
+
+/// Says of each triangle from `first` on whether the camera sees its front alone.
+fn one_sided(scene: &PackedScene, first: usize) -> Vec<bool> {
+    let flags = |material: u32| scene.materials.get(material as usize).map_or(0, |material| material.flags);
+    scene.shading[first..].iter().map(|triangle| flags(triangle.material) & ONE_SIDED != 0).collect()
 }
 
 impl Deformed {
@@ -207,6 +216,7 @@ impl Deformed {
         let all = |of: fn(&Patch) -> &[TriangleGeometry]| -> Vec<TriangleGeometry> {
             patches.iter().flat_map(|patch| of(patch).iter().copied()).collect()
         };
+        let items = |of: fn(&Patch) -> &[TriangleGeometry]| triangle_items(&all(of), &self.one_sided);
         let vertices: Vec<_> = patches.iter().flat_map(|patch| patch.vertices.iter().copied()).collect();
         let nodes: Vec<_> = patches.iter().flat_map(|patch| patch.nodes.iter().copied()).collect();
         frame.write_buffer(&self.vertices, (self.first_vertex * size_of::<Vertex>()) as u64, &vertices)?;
@@ -214,9 +224,9 @@ impl Deformed {
             table.upload_from(frame, first / TABLE_ROW, &[before, items].concat())
         };
         let first = self.first_triangle * TRIANGLE_TEXELS;
-        rows(&self.triangles, frame, &self.triangles_before, first, &triangle_items(&all(|patch| &patch.triangles)))?;
+        rows(&self.triangles, frame, &self.triangles_before, first, &items(|patch| &patch.triangles))?;
         rows(&self.nodes, frame, &self.nodes_before, self.first_node * NODE_TEXELS, bytemuck::cast_slice(&nodes))?;
-        self.previous.upload(frame, &triangle_items(&all(|patch| &patch.previous)))
+        self.previous.upload(frame, &items(|patch| &patch.previous))
     }
 }
 

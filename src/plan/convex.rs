@@ -9,8 +9,8 @@ const MOST: usize = 1 << 27;
 
 /// Whether all corners lie behind the plane of each triangle, and the triangles cover every direction from
 /// the inside once. Corners may stick out by `tolerance`, which is less than the offset of rays from
-/// surfaces.
-pub fn is_convex(triangles: &[TriangleGeometry], tolerance: f64) -> bool {
+/// surfaces. If they are `one_sided`, their fronts must be outside.
+pub fn is_convex(triangles: &[TriangleGeometry], tolerance: f64, one_sided: bool) -> bool {
     let corners: Vec<DVec3> =
         triangles.iter().flat_map(|t| [t.v0, t.v0 + t.e1, t.v0 + t.e2]).map(|v| v.as_dvec3()).collect();
     if triangles.is_empty() || corners.len() * triangles.len() > MOST {
@@ -23,6 +23,9 @@ pub fn is_convex(triangles: &[TriangleGeometry], tolerance: f64) -> bool {
         let normal = (b - a).cross(c - a);
         let Some(mut normal) = normal.try_normalize() else { return false };
         if normal.dot(a) < 0.0 {
+            if one_sided {
+                return false; // the camera looks in
+            }
             normal = -normal; // surfaces have two sides for rays, so winding does not matter
         }
         let plane = normal.dot(a);
@@ -52,11 +55,14 @@ mod tests {
     fn shapes_are_convex_and_holes_are_found() {
         for shape in [Shape::Sphere, Shape::Box, Shape::Cylinder] {
             let mut all = triangles(&shape.mesh(vec3(0.3, 0.4, 0.5)));
-            assert!(is_convex(&all, 1e-5), "{shape:?}");
+            assert!(is_convex(&all, 1e-5, false), "{shape:?}");
+            assert!(is_convex(&all, 1e-5, true), "{shape:?} faces outwards");
+            all.iter_mut().for_each(|t| (t.e1, t.e2) = (t.e2, t.e1));
+            assert!(is_convex(&all, 1e-5, false) && !is_convex(&all, 1e-5, true), "{shape:?} inside out");
             all.pop();
-            assert!(!is_convex(&all, 1e-5), "{shape:?} with a hole");
+            assert!(!is_convex(&all, 1e-5, false), "{shape:?} with a hole");
         }
-        assert!(!is_convex(&triangles(&Shape::Plane.mesh(Vec3::ONE)), 1e-5), "a plane is not closed");
+        assert!(!is_convex(&triangles(&Shape::Plane.mesh(Vec3::ONE)), 1e-5, false), "a plane is not closed");
     }
 
     #[test]
@@ -66,8 +72,8 @@ mod tests {
         for position in mesh.positions.iter_mut().filter(|p| p.distance(dented) < 1e-6) {
             *position *= 0.9;
         }
-        assert!(!is_convex(&triangles(&mesh), 1e-5));
+        assert!(!is_convex(&triangles(&mesh), 1e-5, false));
         let two = [triangles(&Shape::Box.mesh(Vec3::ONE)), triangles(&Shape::Box.mesh(Vec3::splat(0.5)))].concat();
-        assert!(!is_convex(&two, 1e-5), "one inside the other");
+        assert!(!is_convex(&two, 1e-5, false), "one inside the other");
     }
 }

@@ -258,7 +258,8 @@ fn alone(scene: &Scene, first: &PanoramaFrame, still: bool) -> std::result::Resu
     let rows =
         scene.at(0.0, 0.0).instances.instances.first().map_or([[0.0; 4]; 3], |instance| instance.object_to_world);
     let scale = rows.iter().flat_map(|row| &row[..3]).map(|v| f64::from(v * v)).sum::<f64>().sqrt();
-    if !convex::is_convex(&scene.packed.triangles, 5e-5 / scale.max(1e-12)) {
+    let one_sided = scene.packed.materials.iter().any(|m| m.flags & packed::ONE_SIDED != 0);
+    if !convex::is_convex(&scene.packed.triangles, 5e-5 / scale.max(1e-12), one_sided) {
         return Err("the object is not convex and closed, so it may see itself".to_owned());
     }
     let bounds = (0..scene.object_count()).map(|i| scene.object_bounds(i, 0.0)).fold(Bounds::EMPTY, Bounds::union);

@@ -34,13 +34,15 @@ pub struct CompleteScene {
 }
 
 impl CompleteScene {
-    /// Packs objects and a room, whose first clip is played in a loop.
+    /// Packs objects and a room, whose first clip is played in a loop. Like all that is real, the room is seen from
+    /// both sides.
     ///
     /// # Errors
     /// Fails if the arrays of a model do not fit each other, or if there are too many triangles.
     pub fn assemble(name: &str, room: Arc<Model>, camera: CameraTrack, objects: Vec<Object>) -> Result<Self> {
         let clip = (!room.rig.clips.is_empty()).then_some(0);
         let placement = Placement::fixed(Transform::IDENTITY);
+        let room = two_sided(room);
         let room = Object { name: room.name.clone(), model: room, placement, clip, speed: 1.0 };
         let all: Vec<Object> = std::iter::once(room).chain(objects).collect();
         let (packed, placed, mut warnings) = state::place(&all)?;
@@ -81,6 +83,13 @@ impl CompleteScene {
         let instances = state::instances_at(&self.placed, time_seconds, time_seconds);
         SceneState { camera: self.camera.at(time_seconds), instances }
     }
+}
+
+fn two_sided(mut room: Arc<Model>) -> Arc<Model> {
+    if room.materials.iter().any(|material| material.one_sided) {
+        Arc::make_mut(&mut room).materials.iter_mut().for_each(|material| material.one_sided = false);
+    }
+    room
 }
 
 fn content(camera: &CameraTrack, objects: &[Object]) -> String {

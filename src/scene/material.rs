@@ -95,19 +95,22 @@ macro_rules! material {
         #[derive(Clone, Debug, PartialEq)]
         pub struct Material {
             pub name: String,
+            /// Whether rays from the camera pass its back. glTF files say so of what is not `doubleSided`. Other rays
+            /// meet both sides.
+            pub one_sided: bool,
             $( $(#[$doc])* pub $field: $ty, )*
         }
 
         impl Default for Material {
             /// Returns glTF's default: white, metallic 1, roughness 1.
             fn default() -> Self {
-                Self { name: String::new(), $( $field: $default, )* }
+                Self { name: String::new(), one_sided: false, $( $field: $default, )* }
             }
         }
 
         impl Material {
-            /// Describes what differs from the default, the name aside. So what is added to materials later does
-            /// not change the description of those that lack it.
+            /// Describes what differs from the default, the name and the sides aside. So what is added to materials
+            /// later does not change the description of those that lack it.
             pub fn description(&self) -> String {
                 let default = Self::default();
                 let mut text = String::new();
@@ -137,8 +140,6 @@ material! {
     ior: f32 = 1.5,
     /// A factor on x and y of the normal map.
     normal_scale: f32 = 1.0,
-    /// Whether it is seen from both sides.
-    double_sided: bool = false,
     /// How opaque it is.
     alpha_mode: Alpha = Alpha::Opaque,
     /// A factor on alpha.
@@ -196,7 +197,7 @@ impl Material {
             metallic: 0.0,
             emissive: self.base_color,
             specular: 0.0,
-            double_sided: self.double_sided,
+            one_sided: self.one_sided,
             alpha_mode: self.alpha_mode,
             alpha: self.alpha,
             unlit: true,
@@ -234,11 +235,8 @@ impl Material {
             Alpha::Mask(cutoff) => (packed::MASKED, cutoff),
             Alpha::Blend => (packed::BLENDED, 0.0),
         };
-        let flags = [
-            (self.double_sided, packed::DOUBLE_SIDED),
-            (self.unlit, packed::UNLIT),
-            (self.thickness > 0.0, packed::SOLID),
-        ];
+        let flags =
+            [(self.one_sided, packed::ONE_SIDED), (self.unlit, packed::UNLIT), (self.thickness > 0.0, packed::SOLID)];
         let extinction = |color: f32| -(color.max(1e-6).ln()) / self.attenuation_distance;
         packed::PackedMaterial {
             base_color: self.base_color,

@@ -17,7 +17,10 @@ pub fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
 /// Returns all levels from `first_level` on, one after another, R in the low byte. Each level is the
 /// box-filtered one above. sRGB colours are averaged in linear space. Normals are averaged and made unit
 /// again.
-pub fn with_mips(texture: &Texture, first_level: u32) -> Vec<u32> {
+///
+/// If alpha is a `mask` that cuts at a value, that of all levels but the finest is the share of texels that are there.
+/// The mean of alpha, cut there again, would make leaves vanish or grow with the distance.
+pub fn with_mips(texture: &Texture, first_level: u32, mask: Option<f32>) -> Vec<u32> {
     let decode_table: Vec<f32> = (0..256).map(|code| srgb_to_linear(code as f32 / 255.0)).collect();
     let decode = |texel: [u8; 4]| {
         let plain = Vec4::from_array(texel.map(f32::from)) / 255.0;
@@ -46,6 +49,9 @@ pub fn with_mips(texture: &Texture, first_level: u32) -> Vec<u32> {
     };
     keep(0, &mut texture.texels.iter().copied());
     let mut above: Vec<Vec4> = texture.texels.iter().map(|texel| decode(*texel)).collect();
+    if let Some(cutoff) = mask {
+        above.iter_mut().for_each(|value| value.w = f32::from(u8::from(value.w >= cutoff)));
+    }
     for level in 1..level_count(texture.size) {
         above = halve(&above, level_size(texture.size, level - 1), level_size(texture.size, level));
         if texture.encoding == TexelEncoding::Normal {
@@ -106,7 +112,7 @@ mod tests {
     #[test]
     fn a_uniform_texture_stays_uniform_at_odd_sizes() {
         for encoding in [TexelEncoding::Srgb, TexelEncoding::Linear] {
-            let all = with_mips(&texture([7, 3], encoding, |_, _| [10, 128, 250, 255]), 0);
+            let all = with_mips(&texture([7, 3], encoding, |_, _| [10, 128, 250, 255]), 0, None);
             assert_eq!(all.len(), 7 * 3 + 3 + 1, "levels are 7×3, 3×1, 1×1");
             assert!(all.iter().all(|t| t.to_le_bytes() == [10, 128, 250, 255]));
         }
@@ -115,19 +121,34 @@ mod tests {
     #[test]
     fn colours_are_averaged_in_linear_space() {
         let checker = |x: u32, y: u32| if (x + y).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] };
-        let srgb = with_mips(&texture([2, 2], TexelEncoding::Srgb, checker), 0);
+        let srgb = with_mips(&texture([2, 2], TexelEncoding::Srgb, checker), 0, None);
         assert_eq!(srgb[4].to_le_bytes(), [188, 188, 188, 255]);
-        let linear = with_mips(&texture([2, 2], TexelEncoding::Linear, checker), 0);
+        let linear = with_mips(&texture([2, 2], TexelEncoding::Linear, checker), 0, None);
         assert_eq!(linear[4].to_le_bytes(), [128, 128, 128, 255]);
     }
 
     #[test]
     fn the_mean_is_kept_at_odd_sizes() {
         let ramp = texture([5, 1], TexelEncoding::Linear, |x, _| [(x * 50) as u8; 4]);
-        let all = with_mips(&ramp, 0);
+        let all = with_mips(&ramp, 0, None);
         assert_eq!(all.len(), 5 + 2 + 1);
         assert_eq!(all[7].to_le_bytes()[0], 100);
-        assert_eq!(with_mips(&ramp, 1), all[5..], "levels left out change nothing else");
+        assert_eq!(with_mips(&ramp, 1, None), all[5..], "levels left out change nothing else");
+    }
+
+    #[test]
+    fn masks_keep_their_coverage() {
+        // Alpha from 0 to 240: three of sixteen texels are above 0.75. The mean is below it everywhere.
+        let ramp = texture([16, 1], TexelEncoding::Srgb, |x, _| [90, 90, 90, (x * 16) as u8]);
+        let alpha = |mask| with_mips(&ramp, 0, mask).iter().map(|t| t.to_le_bytes()[3]).collect::<Vec<_>>();
+        let masked = alpha(Some(0.75));
+        assert_eq!(masked[..16], alpha(None)[..16], "the finest level has the outline");
+        assert_eq!(masked[16..24], [0, 0, 0, 0, 0, 0, 255, 255]);
+        assert_eq!(masked[24..28], [0, 0, 0, 255]);
+        assert_eq!(masked[30], 64, "a quarter is there");
+        let odd =
+            with_mips(&texture([5, 3], TexelEncoding::Linear, |x, y| [0, 0, 0, 255 * u8::from(x == y)]), 0, Some(0.5));
+        assert_eq!(odd.last().map(|t| t.to_le_bytes()[3]), Some(51), "3 of 15");
     }
 
     #[test]
@@ -138,7 +159,7 @@ mod tests {
                 TexelEncoding::Normal,
                 |x, _| if x == 0 { [255, 128, 128, 255] } else { [128, 128, 255, 255] },
             );
-        let [x, y, z, _] = with_mips(&tilted, 0)[2].to_le_bytes().map(|c| f32::from(c) / 127.5 - 1.0);
+        let [x, y, z, _] = with_mips(&tilted, 0, None)[2].to_le_bytes().map(|c| f32::from(c) / 127.5 - 1.0);
         assert!((x * x + y * y + z * z - 1.0).abs() < 0.02 && (x - z).abs() < 0.01 && y.abs() < 0.01);
     }
 }

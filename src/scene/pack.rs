@@ -4,7 +4,7 @@
 use super::{
     bounds::Bounds,
     bvh, deform,
-    material::{TexelEncoding, Texture, TextureUse},
+    material::{Alpha, Material, Slot, TexelEncoding, Texture, TextureUse},
     mips::{level_count, level_size, with_mips},
     model::{Mesh, Model},
     packed::{self, PackedScene, TriangleGeometry, TriangleShading, Vertex},
@@ -45,30 +45,30 @@ pub struct Packed {
 pub fn pack(models: &[(&Model, bool)]) -> Result<Packed> {
     let mut packed = Packed::default();
     let all: Vec<&Model> = models.iter().map(|(model, _)| *model).collect();
-    let first_levels = fit_textures(&all, &mut packed.warnings);
+    let sets: Vec<Vec<TexelSet>> = all.iter().map(|model| texel_sets(model)).collect();
+    let first_levels = fit_textures(&sets.concat(), &mut packed.warnings);
     let mut first_levels = first_levels.into_iter();
-    for (model, wanted) in models {
+    for ((model, wanted), sets) in models.iter().zip(sets) {
         let scene = &mut packed.scene;
         let first_material = scene.materials.len() as u32;
-        let textures: Vec<packed::PackedTexture> = model
-            .textures
-            .iter()
-            .map(|texture| pack_texture(&mut scene.texels, texture, first_levels.next().unwrap_or(0)))
-            .collect();
+        let textures: Vec<packed::PackedTexture> =
+            sets.iter().map(|set| pack_texture(&mut scene.texels, set, first_levels.next().unwrap_or(0))).collect();
         // A texture that lies on surfaces in several ways has an entry for each.
-        let mut known: Vec<(TextureUse, u32)> = Vec::new();
+        let mut known: Vec<(TextureUse, usize, u32)> = Vec::new();
         for material in &model.materials {
-            let entries = material.textures.map(|used| {
-                let Some((used, texture)) = used.and_then(|used| Some((used, textures.get(used.texture)?))) else {
-                    return packed::NONE;
-                };
-                if let Some((_, entry)) = known.iter().find(|(other, _)| *other == used) {
+            let entries = Slot::ALL.map(|slot| {
+                let place = material.texture(slot).and_then(|used| {
+                    let wanted = alpha_wanted(material, slot);
+                    Some((used, sets.iter().position(|set| set.serves(used.texture, wanted))?))
+                });
+                let Some((used, place)) = place else { return packed::NONE };
+                if let Some((.., entry)) = known.iter().find(|(other, set, _)| (other, set) == (&used, &place)) {
                     return *entry;
                 }
                 let [x, y, z] = [used.transform.x_axis, used.transform.y_axis, used.transform.translation];
                 let transform = [[x.x, y.x, z.x], [x.y, y.y, z.y]];
-                known.push((used, scene.textures.len() as u32));
-                scene.textures.push(packed::PackedTexture { set: used.set as u32, transform, ..*texture });
+                known.push((used, place, scene.textures.len() as u32));
+                scene.textures.push(packed::PackedTexture { set: used.set as u32, transform, ..textures[place] });
                 scene.textures.len() as u32 - 1
             });
             scene.materials.push(material.pack(entries));
@@ -124,9 +124,60 @@ impl Packed {
     }
 }
 
+/// A texture as it is packed: what alpha is in its coarser mip levels differs.
+#[derive(Clone, Copy)]
+struct TexelSet<'a> {
+    texture: &'a Texture,
+    /// Its place in the model.
+    place: usize,
+    /// The value at which alpha is cut, if it is a mask.
+    mask: Option<f32>,
+}
+
+impl TexelSet<'_> {
+    fn serves(&self, place: usize, wanted: Option<Option<f32>>) -> bool {
+        self.place == place && wanted.is_none_or(|mask| mask == self.mask)
+    }
+}
+
+/// Returns where a material cuts the alpha of a texture, if it cuts it. `None` if it reads no alpha there.
+fn alpha_wanted(material: &Material, slot: Slot) -> Option<Option<f32>> {
+    match (slot, material.alpha_mode) {
+        (Slot::BaseColor, Alpha::Opaque) => None,
+        (Slot::BaseColor, Alpha::Mask(cutoff)) => Some(Some(cutoff / material.alpha.max(1e-6))),
+        (Slot::BaseColor, Alpha::Blend) | (Slot::Specular | Slot::SheenRoughness, _) => Some(None),
+        _ => None,
+    }
+}
+
+/// Returns what is packed of the textures of a model. One that is cut at several values is packed for each.
+fn texel_sets(model: &Model) -> Vec<TexelSet<'_>> {
+    let mut sets = Vec::new();
+    for (place, texture) in model.textures.iter().enumerate() {
+        let uses = |material| {
+            Slot::ALL.into_iter().filter(move |slot| {
+                let used: Option<TextureUse> = Material::texture(material, *slot);
+                used.is_some_and(|used| used.texture == place)
+            })
+        };
+        let wanted = model.materials.iter().flat_map(|m| uses(m).filter_map(|slot| alpha_wanted(m, slot)));
+        let mut masks: Vec<Option<f32>> = Vec::new();
+        for mask in wanted {
+            if !masks.contains(&mask) {
+                masks.push(mask);
+            }
+        }
+        if masks.is_empty() {
+            masks.push(None);
+        }
+        sets.extend(masks.into_iter().map(|mask| TexelSet { texture, place, mask }));
+    }
+    sets
+}
+
 /// Returns the first mip level that is kept of each texture of all models.
-fn fit_textures(models: &[&Model], warnings: &mut Vec<String>) -> Vec<u32> {
-    let textures: Vec<_> = models.iter().flat_map(|model| &model.textures).collect();
+fn fit_textures(sets: &[TexelSet], warnings: &mut Vec<String>) -> Vec<u32> {
+    let textures: Vec<_> = sets.iter().map(|set| set.texture).collect();
     let cost = |size: [u32; 2], first: u32| -> usize {
         (first..level_count(size)).map(|level| level_size(size, level)).map(|s| s[0] as usize * s[1] as usize).sum()
     };
@@ -145,10 +196,11 @@ fn fit_textures(models: &[&Model], warnings: &mut Vec<String>) -> Vec<u32> {
 }
 
 /// Adds the texels of a texture, and says where they are.
-fn pack_texture(texels: &mut Vec<u32>, texture: &Texture, first_level: u32) -> packed::PackedTexture {
+fn pack_texture(texels: &mut Vec<u32>, set: &TexelSet, first_level: u32) -> packed::PackedTexture {
+    let texture = set.texture;
     let size = level_size(texture.size, first_level);
     let offset = texels.len() as u32;
-    texels.extend(with_mips(texture, first_level));
+    texels.extend(with_mips(texture, first_level, set.mask));
     packed::PackedTexture {
         offset,
         width: size[0],

@@ -9,7 +9,8 @@ use glam::{Vec2, Vec3};
 pub const NONE: u32 = u32::MAX;
 
 /// Bits of [`PackedMaterial::flags`].
-pub const DOUBLE_SIDED: u32 = 1;
+/// The camera sees its front alone.
+pub const ONE_SIDED: u32 = 1;
 /// Colours of vertices tint what is emitted.
 pub const UNLIT: u32 = 2;
 /// Alpha below the cutoff is not there.
@@ -84,7 +85,7 @@ gpu_struct! {
         pub emissive: Vec3, pub roughness: f32,
         pub specular_color: Vec3, pub specular: f32,
         pub ior: f32, pub normal_scale: f32,
-        /// [`DOUBLE_SIDED`] and the other bits.
+        /// [`ONE_SIDED`] and the other bits.
         pub flags: u32,
         pub alpha: f32, pub alpha_cutoff: f32,
         pub transmission: f32,

@@ -46,6 +46,10 @@ pub enum Facing {
     Camera,
 }
 
+/// Between two objects, metres: what is flat below would share the plane of what it stands on, and a ray would meet
+/// either at random.
+const GAP: f32 = 5e-4;
+
 pub(super) const KEYS: &[&str] = &["floor", "pixel", "on", "facing"];
 
 /// Reads the table `place` of an object. Problems are reported through `fields`.
@@ -131,7 +135,7 @@ impl<'a> Room<'a> {
                     return Err(Error::input(subject, format!("no object above it is called \"{name}\""), remedy));
                 };
                 let bounds = model_bounds(other, &other.placement.at(0.0).matrix());
-                bounds.center().with_y(bounds.max.y)
+                bounds.center().with_y(bounds.max.y + GAP)
             }
         };
         let to_camera = capture - foot;

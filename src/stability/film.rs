@@ -9,7 +9,7 @@ use crate::{
         animation::{Placement, Track, Transform},
         camera::{Aim, CameraTrack},
         file::RenderSettings,
-        material::Material,
+        material::{Alpha, Material, Slot},
         model::{Mesh, Model},
         shapes::Shape,
     },
@@ -124,7 +124,15 @@ impl Film {
             } else {
                 Material { specular: 0.0, emissive: thing.emission, ..Material::plain("matt", thing.albedo, 1.0) }
             };
-            let model = Arc::new(Model::from_mesh(mesh, material));
+            let mut model = Model::from_mesh(mesh, material);
+            if let Some(texture) = thing.pattern.texture() {
+                model.textures.push(texture);
+                for material in &mut model.materials {
+                    *material = material.clone().with_texture(Slot::BaseColor, 0);
+                    material.alpha_mode = if thing.pattern.has_holes() { Alpha::Mask(0.5) } else { Alpha::Opaque };
+                }
+            }
+            let model = Arc::new(model);
             Object { name: format!("thing {i}"), model, placement, clip: None, speed: 1.0 }
         });
         Scene::assemble("stability", panorama, camera, things.collect(), RenderSettings::default())

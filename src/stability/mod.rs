@@ -8,6 +8,7 @@
 pub mod cases;
 pub mod film;
 pub mod metric;
+pub mod pattern;
 pub mod report;
 pub mod world;
 

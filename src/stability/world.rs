@@ -2,10 +2,11 @@
 //! captures, the scene that is rendered, and what the picture should be.
 //!
 //! Real surfaces are diffuse and send what `paint` says. The lamp is a square that shines on top of that.
-//! Virtual things are Lambert surfaces, lamps or mirrors. Light is followed as the model does with
+//! Virtual things are Lambert surfaces, lamps or mirrors. Boxes may have a pattern and holes. Light is followed as the model does with
 //! `relight_levels = 0`: real surfaces send their captured radiance, whoever looks at them. In a world that
 //! is `relit`, mirrors show them in their new light.
 
+use super::pattern::Pattern;
 use crate::panorama::{
     mapping::{bilinear, coordinates, texel_direction},
     source::PanoramaFrame,
@@ -41,6 +42,16 @@ impl Block {
         let axis = at.abs().max_position();
         Vec3::AXES[axis] * at[axis].signum()
     }
+
+    /// Returns where a point is on its face, from 0 to 1.
+    fn face(&self, point: Vec3) -> Vec2 {
+        let at = (point - self.low) / (self.high - self.low);
+        match self.normal(point).abs().max_position() {
+            0 => vec2(at.y, at.z),
+            1 => vec2(at.x, at.z),
+            _ => vec2(at.x, at.y),
+        }
+    }
 }
 
 /// A square lamp in the ceiling.
@@ -73,12 +84,15 @@ pub struct Thing {
     pub emission: Vec3,
     /// Whether it is a perfect mirror instead.
     pub mirror: bool,
+    /// What is on the faces of a box.
+    pub pattern: Pattern,
 }
 
 impl Thing {
     /// Makes a grey Lambert ball.
     pub fn ball(radius: f32, albedo: f32, at: Vec3) -> Self {
-        Self { form: Form::Ball(radius), at, albedo: Vec3::splat(albedo), emission: Vec3::ZERO, mirror: false }
+        let (form, albedo) = (Form::Ball(radius), Vec3::splat(albedo));
+        Self { form, at, albedo, emission: Vec3::ZERO, mirror: false, pattern: Pattern::Plain }
     }
 
     /// Makes a grey Lambert box.
@@ -99,9 +113,17 @@ impl Thing {
                 if near > 1e-4 { Some(near) } else { (far > 1e-4).then_some(far) }
             }
             Form::Box(size) => {
-                let [enter, leave] = Block::around(self.at, size).span(origin, d)?;
-                if enter > 1e-4 { Some(enter) } else { (leave > 1e-4).then_some(leave) }
+                let block = Block::around(self.at, size);
+                let there = |t: &f32| *t > 1e-4 && self.pattern.is_there(block.face(origin + d * *t));
+                block.span(origin, d)?.into_iter().find(there)
             }
+        }
+    }
+
+    fn albedo_at(&self, point: Vec3) -> Vec3 {
+        match self.form {
+            Form::Box(size) => self.albedo * self.pattern.albedo(Block::around(self.at, size).face(point)),
+            Form::Ball(_) => self.albedo,
         }
     }
 
@@ -280,7 +302,7 @@ impl World {
         }
         let (directions, side) = if depth > 1 { (DIRECTIONS, LAMP_SIDE) } else { (24, 2) };
         let [_, mixed] = self.irradiance(point, hit.normal, directions, side, turn, depth - 1);
-        thing.emission + thing.albedo * mixed / PI
+        thing.emission + thing.albedo_at(point) * mixed / PI
     }
 
     fn radiance(&self, origin: Vec3, d: Vec3, turn: Vec2, depth: u32) -> Vec3 {
@@ -375,6 +397,8 @@ impl World {
             (rotation * Vec3::new(ndc.x * tan * aspect, -ndc.y * tan, -1.0)).normalize()
         };
         let eye = self.eye.at;
+        let patterned = self.things.iter().any(|thing| thing.pattern != Pattern::Plain);
+        let samples = if patterned { 256 } else { 16 };
         let pixel = |i: u32| {
             let at = vec2((i % size[0]) as f32, (i / size[0]) as f32);
             let turn = vec2(hash(i), hash(i ^ 0x9e37_79b9));
@@ -386,18 +410,23 @@ impl World {
             // either kind. What mirrors show differs from point to point: that is the mean.
             let (mut share, mut nearest, mut shown, mut lit) = (0.0, [f32::INFINITY; 2], None, (real, point));
             let mut mirrors = (Vec3::ZERO, 0.0);
-            for k in 0..16 {
+            let mut albedos = (Vec3::ZERO, 0.0);
+            for k in 0..samples {
                 let offset = r2(k, Vec2::splat(0.5));
                 let (d, off_centre) = (ray(at + offset), (offset - 0.5).length_squared());
                 let behind = self.real_hit(eye, d);
                 match self.thing_hit(eye, d, behind.t) {
                     None => {
-                        share += 1.0 / 16.0;
+                        share += 1.0 / samples as f32;
                         if off_centre < nearest[0] {
                             (nearest[0], lit) = (off_centre, (behind, eye + d * behind.t));
                         }
                     }
                     Some(hit) => {
+                        if patterned && let Some(i) = hit.thing {
+                            albedos.0 += self.things[i].albedo_at(eye + d * hit.t);
+                            albedos.1 += 1.0;
+                        }
                         if hit.thing.is_some_and(|i| self.things[i].mirror) {
                             mirrors.0 += self.thing_radiance(&hit, eye, d, turn, 2);
                             mirrors.1 += 1.0;
@@ -415,6 +444,11 @@ impl World {
             if let Some((hit, d)) = shown {
                 let is_mirror = hit.thing.is_some_and(|i| self.things[i].mirror);
                 let seen = if is_mirror { mirrors.0 / mirrors.1 } else { self.thing_radiance(&hit, eye, d, turn, 2) };
+                // Of a pattern the pixel shows the mean.
+                let seen = match hit.thing.map(|i| self.things[i].albedo_at(eye + d * hit.t)) {
+                    Some(here) if patterned && here.min_element() > 0.0 => seen / here * (albedos.0 / albedos.1),
+                    _ => seen,
+                };
                 radiance += (1.0 - share) * seen;
             }
             (radiance.extend(1.0).to_array(), captured.extend(1.0).to_array(), share, point)

@@ -13,7 +13,7 @@ use iprt::{
 const PARTS: usize = 2;
 
 /// What each case must notice.
-const CATCHES: [(&str, Broken); 38] = [
+const CATCHES: [(&str, Broken); 40] = [
     ("off_screen_caster", Setting("virtual_tracer", "screen")),
     ("caster_from_behind", Setting("virtual_tracer", "screen")),
     ("noisy_depth", Planted(Fault::HolesNear)),
@@ -35,6 +35,8 @@ const CATCHES: [(&str, Broken); 38] = [
     ("cut", Planted(Fault::HistoryKept)),
     ("fast_pan", Setting("temporal", "false")),
     ("moving_camera", Setting("temporal", "false")),
+    ("turning_tile", Planted(Fault::TexturesFinest)),
+    ("turning_leaves", Planted(Fault::TexturesFinest)),
     ("motion_vectors", Planted(Fault::MotionOff)),
     ("moving_mirror", Setting("reflections", "off")),
     ("uncovered", Planted(Fault::HistoryOfOthers)),

@@ -125,6 +125,19 @@ fn the_water_bottle_has_all_its_textures() {
     assert!(((height.max - height.min).y - 0.26).abs() < 0.02);
 }
 
+/// Sides are read. Without a word the front alone is seen, also without a material.
+#[test]
+fn materials_have_one_side_unless_a_file_says_two() {
+    let sides = |below: &str| load(below).0.materials.iter().map(|m| m.one_sided).collect::<Vec<_>>();
+    assert_eq!(sides("TwoSidedPlane/TwoSidedPlane.gltf"), [false]);
+    assert_eq!(sides("TriangleWithoutIndices/TriangleWithoutIndices.gltf"), [true]);
+    assert_eq!(sides("WaterBottle/WaterBottle.gltf"), [true]);
+    let (model, _) = load("TextureSettingsTest/TextureSettingsTest.glb");
+    for material in &model.materials {
+        assert_eq!(material.one_sided, material.name != "DoubleSidedMaterial", "{}", material.name);
+    }
+}
+
 /// Skins and morph targets move with their clips, and stand where the specification puts them.
 #[test]
 fn skins_and_morph_targets_deform() {

@@ -216,6 +216,9 @@ fn objects_are_placed_by_the_room() {
     let ball = "[[object]]\nshape = 'sphere'\nsize = 0.2\nplace = { on = 'cube' }";
     let stacked = bounds(&placed(&format!("size = 0.3\nplace = {{ floor = [0, -1], facing = 45 }}\n{ball}")), 1);
     assert!(stacked.center().abs_diff_eq(vec3(0.0, 0.4, -1.0), 0.01), "{stacked:?}");
+    let below = bounds(&placed(&format!("size = 0.3\nplace = {{ floor = [0, -1], facing = 45 }}\n{ball}")), 0);
+    let gap = stacked.min.y - below.max.y;
+    assert!(gap > 2e-4 && gap < 1e-3, "they share no plane: {gap}");
 
     for (place, words) in [
         ("place = { floor = [0, 0] }\ntranslation = [0, 0, 0]", "stands beside place"),

@@ -53,6 +53,7 @@ mod samplers;
 mod samples;
 mod scene;
 mod shapes;
+mod sides;
 mod stability;
 mod stereo;
 mod stored;

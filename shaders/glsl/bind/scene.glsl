@@ -24,7 +24,7 @@ const uint SLOT_ANISOTROPY = 12u;
 const uint SLOT_IRIDESCENCE = 13u;
 const uint SLOT_IRIDESCENCE_THICKNESS = 14u;
 // Bits of a material's flags.
-const uint DOUBLE_SIDED = 1u, UNLIT = 2u, MASKED = 4u, BLENDED = 8u, SOLID = 16u;
+const uint ONE_SIDED = 1u, UNLIT = 2u, MASKED = 4u, BLENDED = 8u, SOLID = 16u;
 struct Material {
     vec3 base_color; float metallic;
     vec3 emissive; float roughness;
@@ -43,7 +43,7 @@ struct Material {
 };
 struct Texture { uint offset; uint width; uint height; uint levels; uint wrap_u; uint wrap_v; uint srgb; uint nearest; uint set; vec3 transform[2]; };
 
-// Tables of four words an item (table_texel). A triangle is three: v0, e1, e2.
+// Tables of four words an item (table_texel). A triangle is three: v0 and, if its material is ONE_SIDED, 1; e1; e2.
 layout(set = 0, binding = 20, rgba32ui) uniform readonly uimage2D in_triangles;
 layout(set = 0, binding = 21, scalar) readonly buffer Shading { TriangleShading triangle[]; } in_shading;
 layout(set = 0, binding = 22, scalar) readonly buffer Vertices { Vertex vertex[]; } in_vertices;

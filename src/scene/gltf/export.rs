@@ -182,7 +182,7 @@ impl Writer {
         };
         let mut out = json!({
             "name": source.name,
-            "doubleSided": source.double_sided,
+            "doubleSided": !source.one_sided,
             "pbrMetallicRoughness": pbr,
             "alphaMode": mode,
             "alphaCutoff": cutoff,

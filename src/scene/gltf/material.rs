@@ -50,7 +50,7 @@ impl Materials {
         }
         let (material, sets) = match index {
             Some(index) => self.load(file, index, model),
-            None => (Material::default(), [0, 1]),
+            None => (Material { one_sided: true, ..Material::default() }, [0, 1]),
         };
         let mapped = [Slot::Normal, Slot::ClearcoatNormal, Slot::Anisotropy].map(|slot| material.texture(slot));
         let plain = (material.anisotropy > 0.0).then(|| TextureUse::plain(0));
@@ -86,6 +86,7 @@ impl Materials {
         let base = if glossy.exists() { (glossy, "diffuseFactor") } else { (pbr, "baseColorFactor") };
         let mut material = Material {
             name: source.text("name").map_or_else(|| user.clone(), str::to_owned),
+            one_sided: !source.flag("doubleSided"),
             base_color: factors.color(pbr, "baseColorFactor", 1.0, Vec3::ONE),
             metallic: factors.part(pbr, "metallicFactor", 1.0),
             roughness: factors.part(pbr, "roughnessFactor", 1.0),
@@ -94,7 +95,6 @@ impl Materials {
             specular_color: factors.color(specular, "specularColorFactor", f32::MAX, Vec3::ONE),
             ior: factors.ior(extension("ior"), "ior", 1.5),
             normal_scale: source.get("normalTexture").number("scale").unwrap_or(1.0),
-            double_sided: source.flag("doubleSided"),
             alpha_mode,
             alpha: base.0.numbers::<4>(base.1).map_or(1.0, |color| color[3].clamp(0.0, 1.0)),
             transmission: factors.part(transmission, "transmissionFactor", 0.0),

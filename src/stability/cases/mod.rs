@@ -13,6 +13,7 @@ use super::{
     Case, Outcome, Run,
     film::{FPS, Film},
     metric::{self, Texels},
+    pattern::Pattern,
     world::{Block, Eye, Form, Lamp, Thing, World, WorldTruth},
 };
 use crate::{Result, settings::Method};

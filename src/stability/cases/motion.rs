@@ -7,6 +7,7 @@ use crate::measure::{
 };
 use glam::Quat;
 
+const UNSTEADY: &str = "mean |frame − the one before, moved by the motion vectors| beyond the truth's own, pixels that show it, steps of 8 bits";
 const LEFT: &str = "share of the change that is still missing in the third frame after it, on the way to what the method shows when it starts anew, pixels that change";
 const LEFT_WHY: &str =
     "a tenth of a second is the shortest delay that is noticed; a tenth of the old light is hardly seen then";
@@ -71,6 +72,26 @@ pub const CASES: &[Case] = &[
         reason: "two steps of 8 bits are not seen",
         must_fail: &[],
         run: moving_camera,
+    },
+    Case {
+        name: "turning_tile",
+        asks: "A tile of dark and light squares, as small as pixels, turns: does it shimmer?",
+        metric: UNSTEADY,
+        unit: "/255",
+        limit: 2.0,
+        reason: "two steps of 8 bits are not seen",
+        must_fail: &[],
+        run: turning_tile,
+    },
+    Case {
+        name: "turning_leaves",
+        asks: "Sheets of leaves, as small as pixels, turn: do they shimmer, grow or vanish?",
+        metric: UNSTEADY,
+        unit: "/255",
+        limit: 2.0,
+        reason: "two steps of 8 bits are not seen",
+        must_fail: &[],
+        run: turning_leaves,
     },
     Case {
         name: "motion_vectors",
@@ -226,10 +247,44 @@ fn dolly(size: [u32; 2], frames: usize) -> Film {
 }
 
 fn moving_camera(run: &Run) -> Result<Outcome> {
-    let frames = run.count(20, 14);
-    let film = dolly(run.size(), frames);
+    steadiness(run, &dolly(run.size(), run.count(20, 14)), WorldTruth::concerned)
+}
+
+/// Makes a turntable. It is the camera that goes round, by 2° a frame.
+fn turntable(run: &Run, things: impl Fn() -> Vec<Thing> + Sync + 'static) -> Result<Outcome> {
+    let film = Film::moving(run.size(), run.count(20, 14), move |n| {
+        let middle = vec3(0.0, FLOOR + 0.2, -0.6);
+        let turn = Quat::from_rotation_y((2.0 * n as f32 + 7.0).to_radians());
+        let eye = Eye { at: middle + turn * vec3(0.0, 0.6, 1.6), target: middle, fov_y: 45.0 };
+        World { things: things(), eye, ..lit(Vec3::ZERO) }
+    });
+    steadiness(run, &Film { warmup: 8, ..film }, WorldTruth::shows_things)
+}
+
+fn turning_tile(run: &Run) -> Result<Outcome> {
+    let pattern = Pattern::Checker(61);
+    turntable(run, move || {
+        vec![Thing { pattern, ..Thing::block(vec3(1.4, 0.02, 1.4), 0.8, vec3(0.0, FLOOR + 0.01, -0.6)) }]
+    })
+}
+
+fn turning_leaves(run: &Run) -> Result<Outcome> {
+    turntable(run, || {
+        let sheet = |size: Vec3, x: f32, z: f32| {
+            let at = vec3(x, FLOOR + 0.42, -0.6 + z);
+            // They shine, so that the truth of a pixel's many leaves is their share alone.
+            Thing { pattern: Pattern::Leaves(21), emission: Vec3::splat(0.9), ..Thing::block(size, 0.0, at) }
+        };
+        let (along, across) = (vec3(0.8, 0.8, 0.01), vec3(0.01, 0.8, 0.8));
+        vec![sheet(along, 0.0, -0.2), sheet(along, 0.0, 0.2), sheet(across, -0.2, 0.0), sheet(across, 0.2, 0.0)]
+    })
+}
+
+/// Measures how much more than the truth a film changes from frame to frame, along motion, in a region.
+fn steadiness(run: &Run, film: &Film, region: fn(&WorldTruth) -> Vec<bool>) -> Result<Outcome> {
+    let frames = film.frames;
     let (mut pictures, mut seen) = (Vec::new(), Vec::new());
-    run.watch(&film, |renderer| {
+    run.watch(film, |renderer| {
         pictures.push(renderer.picture()?);
         seen.push([renderer.aov("motion")?, renderer.aov("position")?]);
         Ok(())
@@ -237,9 +292,9 @@ fn moving_camera(run: &Run) -> Result<Outcome> {
     let measured = frames - 8..frames;
     let layers = |n: usize| Seen { motion: &seen[n][0], position: Some(&seen[n][1]) };
     let ways: Vec<_> = measured.clone().map(|n| motion(film.size, layers(n), layers(n - 1))).collect();
-    let truths: Vec<_> = measured.clone().map(|n| run.truth(&film, 0, n)).collect();
+    let truths: Vec<_> = measured.clone().map(|n| run.truth(film, 0, n)).collect();
     let texels: Vec<Texels> = truths.iter().map(|truth| truth.texels.clone()).collect();
-    let masks: Vec<Vec<bool>> = truths.iter().map(|truth| truth.concerned()).collect();
+    let masks: Vec<Vec<bool>> = truths.iter().map(|truth| region(truth)).collect();
     let mask: Vec<bool> = (0..texels[0].len()).map(|i| masks.iter().any(|mask| mask[i])).collect();
     let last = &pictures[frames - 1];
     let value = if pictures.iter().all(|picture| metric::is_finite(picture)) {
