@@ -9,7 +9,7 @@ use crate::{
         animation::{Placement, Track, Transform},
         camera::{Aim, CameraTrack},
         file::RenderSettings,
-        material::{Alpha, Material, Slot},
+        material::{Material, Slot},
         model::{Mesh, Model},
         shapes::Shape,
     },
@@ -129,7 +129,6 @@ impl Film {
                 model.textures.push(texture);
                 for material in &mut model.materials {
                     *material = material.clone().with_texture(Slot::BaseColor, 0);
-                    material.alpha_mode = if thing.pattern.has_holes() { Alpha::Mask(0.5) } else { Alpha::Opaque };
                 }
             }
             let model = Arc::new(model);

@@ -1,4 +1,4 @@
-//! What is painted on a box's faces and cut out of them. It looks the same turned and mirrored, so that it does not
+//! What is painted on a box's faces. It looks the same turned and mirrored, so that it does not
 //! matter how a face's coordinates run.
 
 use crate::{
@@ -13,14 +13,10 @@ pub enum Pattern {
     Plain,
     /// This many squares along each side, an odd number; every other is dark.
     Checker(u32),
-    /// This many leaves along each side: discs, with nothing between them.
-    Leaves(u32),
 }
 
 /// The albedo of dark squares, as a share of that of the others.
 const DARK: f32 = 0.1;
-/// The radius of a leaf, as a share of its square.
-const RADIUS: f32 = 0.42;
 
 impl Pattern {
     /// Returns what albedo is multiplied by.
@@ -30,29 +26,14 @@ impl Pattern {
         if (cell.x + cell.y).rem_euclid(2.0) == 0.0 { 1.0 } else { DARK }
     }
 
-    /// Says whether anything is there.
-    pub fn is_there(self, uv: Vec2) -> bool {
-        let Self::Leaves(leaves) = self else { return true };
-        ((uv * leaves as f32).fract() - 0.5).length() < RADIUS
-    }
-
-    /// Says whether not all is there.
-    pub fn has_holes(self) -> bool {
-        matches!(self, Self::Leaves(_))
-    }
-
     /// Makes the texture: the same in its texels' centres.
     pub fn texture(self) -> Option<Texture> {
-        // A square's side has as many texels as its outline needs.
-        let side = match self {
-            Self::Plain => return None,
-            Self::Checker(cells) => 8 * cells,
-            Self::Leaves(cells) => 32 * cells,
-        };
+        let Self::Checker(squares) = self else { return None };
+        let side = 8 * squares;
         let texel = |i: u32| {
             let uv = (vec2((i % side) as f32, (i / side) as f32) + 0.5) / side as f32;
             let code = (255.0 * linear_to_srgb(self.albedo(uv))).round() as u8;
-            [code, code, code, 255 * u8::from(self.is_there(uv))]
+            [code, code, code, 255]
         };
         Some(Texture {
             name: "pattern".into(),
@@ -71,17 +52,12 @@ mod tests {
 
     #[test]
     fn turned_and_mirrored_they_are_the_same() {
-        for pattern in [Pattern::Checker(9), Pattern::Leaves(7)] {
-            let texture = pattern.texture().expect("a pattern");
-            let side = texture.size[0] as usize;
-            for (i, texel) in texture.texels.iter().enumerate() {
-                let (x, y) = (i % side, i / side);
-                assert_eq!(*texel, texture.texels[x * side + y], "{pattern:?}");
-                assert_eq!(*texel, texture.texels[y * side + side - 1 - x], "{pattern:?}");
-            }
+        let texture = Pattern::Checker(9).texture().expect("a pattern");
+        let side = texture.size[0] as usize;
+        for (i, texel) in texture.texels.iter().enumerate() {
+            let (x, y) = (i % side, i / side);
+            assert_eq!(*texel, texture.texels[x * side + y]);
+            assert_eq!(*texel, texture.texels[y * side + side - 1 - x]);
         }
-        let there = Pattern::Leaves(7).texture().expect("a pattern").texels.iter().filter(|t| t[3] > 0).count();
-        let share = there as f32 / (7.0f32 * 32.0).powi(2);
-        assert!((share - std::f32::consts::PI * RADIUS * RADIUS).abs() < 0.01, "{share}");
     }
 }

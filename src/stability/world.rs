@@ -2,7 +2,7 @@
 //! captures, the scene that is rendered, and what the picture should be.
 //!
 //! Real surfaces are diffuse and send what `paint` says. The lamp is a square that shines on top of that.
-//! Virtual things are Lambert surfaces, lamps or mirrors. Boxes may have a pattern and holes. Light is followed as the model does with
+//! Virtual things are Lambert surfaces, lamps or mirrors. Boxes may have a pattern. Light is followed as the model does with
 //! `relight_levels = 0`: real surfaces send their captured radiance, whoever looks at them. In a world that
 //! is `relit`, mirrors show them in their new light.
 
@@ -114,8 +114,7 @@ impl Thing {
             }
             Form::Box(size) => {
                 let block = Block::around(self.at, size);
-                let there = |t: &f32| *t > 1e-4 && self.pattern.is_there(block.face(origin + d * *t));
-                block.span(origin, d)?.into_iter().find(there)
+                block.span(origin, d)?.into_iter().find(|t| *t > 1e-4)
             }
         }
     }

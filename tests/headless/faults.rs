@@ -13,7 +13,7 @@ use iprt::{
 const PARTS: usize = 2;
 
 /// What each case must notice.
-const CATCHES: [(&str, Broken); 40] = [
+const CATCHES: [(&str, Broken); 39] = [
     ("off_screen_caster", Setting("virtual_tracer", "screen")),
     ("caster_from_behind", Setting("virtual_tracer", "screen")),
     ("noisy_depth", Planted(Fault::HolesNear)),
@@ -36,7 +36,6 @@ const CATCHES: [(&str, Broken); 40] = [
     ("fast_pan", Setting("temporal", "false")),
     ("moving_camera", Setting("temporal", "false")),
     ("turning_tile", Planted(Fault::TexturesFinest)),
-    ("turning_leaves", Planted(Fault::TexturesFinest)),
     ("motion_vectors", Planted(Fault::MotionOff)),
     ("moving_mirror", Setting("reflections", "off")),
     ("uncovered", Planted(Fault::HistoryOfOthers)),

@@ -84,16 +84,6 @@ pub const CASES: &[Case] = &[
         run: turning_tile,
     },
     Case {
-        name: "turning_leaves",
-        asks: "Sheets of leaves, as small as pixels, turn: do they shimmer, grow or vanish?",
-        metric: UNSTEADY,
-        unit: "/255",
-        limit: 2.0,
-        reason: "two steps of 8 bits are not seen",
-        must_fail: &[],
-        run: turning_leaves,
-    },
-    Case {
         name: "motion_vectors",
         asks: "On the same way, with a lamp: do shadow and shading stay on their surfaces?",
         metric: "mean FLIP to the truth of the worst of the last 6 frames, pixels that the ball makes or changes",
@@ -265,18 +255,6 @@ fn turning_tile(run: &Run) -> Result<Outcome> {
     let pattern = Pattern::Checker(61);
     turntable(run, move || {
         vec![Thing { pattern, ..Thing::block(vec3(1.4, 0.02, 1.4), 0.8, vec3(0.0, FLOOR + 0.01, -0.6)) }]
-    })
-}
-
-fn turning_leaves(run: &Run) -> Result<Outcome> {
-    turntable(run, || {
-        let sheet = |size: Vec3, x: f32, z: f32| {
-            let at = vec3(x, FLOOR + 0.42, -0.6 + z);
-            // They shine, so that the truth of a pixel's many leaves is their share alone.
-            Thing { pattern: Pattern::Leaves(21), emission: Vec3::splat(0.9), ..Thing::block(size, 0.0, at) }
-        };
-        let (along, across) = (vec3(0.8, 0.8, 0.01), vec3(0.01, 0.8, 0.8));
-        vec![sheet(along, 0.0, -0.2), sheet(along, 0.0, 0.2), sheet(across, -0.2, 0.0), sheet(across, 0.2, 0.0)]
     })
 }
 
