@@ -258,3 +258,16 @@ const DERIVED: [(&str, Derived); 7] = [
     ("motion", Derived::Seen(REAL, Values::Motion)),
     ("position", Derived::Seen(REAL, Values::Position)),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_in_a_word_are_unpacked() {
+        let code = |[r, g, b]: [u32; 3], exponent: u32| r | g << 9 | b << 18 | exponent << 27;
+        assert_eq!(unpack_color(code([256, 128, 64], 16)), [1.0, 0.5, 0.25, 1.0]);
+        assert_eq!(unpack_color(code([0, 511, 1], 31)), [0.0, 65408.0, 128.0, 1.0]);
+        assert_eq!(unpack_color(0), [0.0, 0.0, 0.0, 1.0]);
+    }
+}
