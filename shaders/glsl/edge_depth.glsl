@@ -1,14 +1,14 @@
 // Measures how wide the thing is that ends at a texel (edges.glsl), on the depth as captured.
 
 // Walks from a texel over the thing that it is of, and returns where that ends. It passes behind what stands
-// before it. `most` is the distance at which it is a wall's.
-vec3 edge_walk(ivec2 p, ivec2 way, vec3 start, float depth, float most) {
+// before it. It may end once it is `most` away.
+vec3 edge_walk(ivec2 p, vec2 way, vec3 start, float depth, float most) {
     ivec2 size = ivec2(in_view.view.depth_size);
     vec3 last = start;
     int at = 0, before = 0;
     for (int n = 0; n < 40 && 4 * at < size.x; n++) {
         at += max(1, at / 8);
-        ivec2 q = p + way * at;
+        ivec2 q = p + ivec2(round(way * float(at)));
         if (q.y < 0 || q.y >= size.y) break;
         q.x += q.x < 0 ? size.x : q.x >= size.x ? -size.x : 0;
         float d = vertex_depth(q.x, q.y), ratio = 1.0 + in_view.view.edge_ratio * float(min(at - before, 5));
@@ -25,20 +25,31 @@ vec3 edge_walk(ivec2 p, ivec2 way, vec3 start, float depth, float most) {
 // Returns the class of a texel with this depth, 0 where there is no edge.
 uint edge_class_at(ivec2 p, float depth) {
     ivec2 size = ivec2(in_view.view.depth_size);
-    float farthest = 0.0;
-    [[unroll]] for (int k = 0; k < 9; k++) {
-        ivec2 q = clamp(p + ivec2(k % 3, k / 3) - 1, ivec2(-1), size);
+    float beyond = depth * (1.0 + in_view.view.edge_ratio), spread = 0.0;
+    vec2 outward = vec2(0.0);
+    bool ends = false;
+    [[unroll]] for (int k = 0; k < 25; k++) {
+        ivec2 offset = ivec2(k % 5, k / 5) - 2, q = clamp(p + offset, ivec2(-2, -1), size + ivec2(1, 0));
         q.x += q.x < 0 ? size.x : q.x >= size.x ? -size.x : 0;
-        farthest = max(farthest, vertex_depth(q.x, q.y));
+        bool far = vertex_depth(q.x, q.y) > beyond;
+        outward += far ? vec2(offset) : vec2(0.0);
+        spread += far ? length(vec2(offset)) : 0.0;
+        ends = ends || far && max(abs(offset.x), abs(offset.y)) < 2;
     }
-    if (depth <= 0.0 || farthest <= depth * (1.0 + in_view.view.edge_ratio)) return 0u;
+    if (depth <= 0.0 || !ends) return 0u;
     vec3 start = vertex_direction(p.x, p.y) * depth;
-    float width = FAR;
-    for (int k = 0; k < 4; k++) {
-        ivec2 way = k == 0 ? ivec2(1, 0) : k == 1 ? ivec2(0, 1) : k == 2 ? ivec2(1, 1) : ivec2(1, -1);
-        vec3 a = edge_walk(p, way, start, depth, WALL), b = edge_walk(p, -way, start, depth, WALL);
-        // The texels at both ends are the thing's to half their width.
-        width = min(width, distance(a, b) + depth * PI / float(size.y));
+    float width = WALL, texel = depth * PI / float(size.y);
+    if (length(outward) > 0.25 * spread) {
+        // Straight in from its edge.
+        width = distance(start, edge_walk(p, normalize(-outward), start, depth, width)) + texel;
+    } else {
+        // What is a few texels wide ends on both sides.
+        for (int k = 0; k < 4; k++) {
+            vec2 way = k == 0 ? vec2(1.0, 0.0) : k == 1 ? vec2(0.0, 1.0) : k == 2 ? vec2(1.0, 1.0) : vec2(1.0, -1.0);
+            vec3 a = edge_walk(p, way, start, depth, width), b = edge_walk(p, -way, start, depth, width);
+            // The texels at both ends are the thing's to half their width.
+            width = min(width, distance(a, b) + texel);
+        }
     }
-    return edge_class(width);
+    return edge_class(width < WALL ? min(width, 0.075 + 0.25 * width) : WALL);
 }

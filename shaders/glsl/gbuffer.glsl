@@ -12,7 +12,7 @@ struct RealPoint { float t; vec2 uv; ivec2 texel; bool lamp; };
 // it hangs from and its neighbours. A ray that leaves behind an edge shows what it passed before the edge.
 void fill_unseen(vec3 origin, vec3 d, uint kind, inout RealPoint r) {
     ivec2 size = ivec2(in_view.view.depth_size);
-    if (kind == SKIRT) {
+    if (kind != FREE) {
         ivec2 nearest = r.texel;
         float farthest = 0.0;
         for (int k = 0; k < 9; k++) {
@@ -57,7 +57,7 @@ RealPoint real_surface(vec3 origin, vec3 d) {
         r.uv = hit.uv;
         ivec2 size = ivec2(in_view.view.depth_size);
         r.texel = wrap_texel(ivec2(floor(hit.uv * vec2(size))), size);
-        if (FILL_UNSEEN != 0u && (hit.kind == FREE || hit.kind == SKIRT)) fill_unseen(origin, d, hit.kind, r);
+        if (FILL_UNSEEN != 0u && (hit.kind == FREE || is_skirt(hit))) fill_unseen(origin, d, hit.kind, r);
     }
     return r;
 }

@@ -54,15 +54,6 @@ SceneHit virtual_trace(vec3 origin, vec3 d, float t_max, bool from_camera, inout
     return scene_trace_from(origin, d, t_max, from_camera);
 }
 
-// Returns the radiance of what a ray met, as captured. No skirt shines: what it shows of the side of a lamp or a
-// window is a guess, of which no light may be made.
-vec3 hit_radiance(PanoramaHit hit) {
-    vec3 radiance = panorama_light(hit.uv);
-    if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction(hit.uv), radiance);
-    if (hit.kind == SKIRT) radiance *= min(1.0, in_view.view.skirt_luminance / max(luminance(radiance), 1e-20));
-    return is_lamp(hit) ? lamp_radiance(hit) : radiance;
-}
-
 // Returns the same as the mixed scene lights it. A lamp shines as it did.
 vec3 hit_relit(PanoramaHit hit) {
     vec3 radiance = hit_radiance(hit);
@@ -420,7 +411,12 @@ vec2 path_limit(ivec2 p, int layer) {
     const float EARLY_PATHS = 8.0;
     Light last;
     vec2 paths;
-    if (!last_light(p, layer, last, paths)) return vec2(FAR);
+    if (!last_light(p, layer, last, paths)) {
+        // The panorama's mean irradiance. What a mirror shows may be as bright as it is.
+        const float MEAN = 0.07;
+        float changed = layer == REAL ? 0.25 * MEAN * in_view.view.light_units.y / in_view.view.light_units.x : FAR;
+        return push.path_limit * EARLY_PATHS * vec2(MEAN, changed);
+    }
     vec2 known = vec2(luminance(abs(last.a)), luminance(abs(last.b)));
     // What no object changes now may be in a shadow next, and what is dark may be lit.
     known += layer == REAL ? vec2(0.0, 0.25 * known.x * in_view.view.light_units.y / in_view.view.light_units.x) : vec2(0.1);

@@ -4,7 +4,7 @@
 layout(constant_id = 30) const uint FREE_LAMPS = 0; // 1: there may be some
 
 const uint MOST_LAMPS = 32u;
-const uint LAMP = 3u; // a hit of lamp k is of kind LAMP + k
+const uint LAMP = 4u; // a hit of lamp k is of kind LAMP + k
 
 uint lamp_count() { return FREE_LAMPS != 0u ? min(in_lamps.count, MOST_LAMPS) : 0u; }
 

@@ -46,7 +46,7 @@ float light_density_centre(vec2 uv) {
 // Returns the same per solid angle about x, for what a ray from x along d met: p_c·(r² cos θ_c)/(D² cos θ_x)
 // on a surface, p_c where the ray left, and 0 on skirts.
 float light_density(vec3 x, vec3 d, PanoramaHit hit) {
-    if (hit.kind == SKIRT || in_lights.share <= 0.0) return 0.0;
+    if (is_skirt(hit) || in_lights.share <= 0.0) return 0.0;
     float p = light_density_centre(hit.uv);
     if (hit.kind == FREE) return p;
     vec3 point = x + d * hit.t;

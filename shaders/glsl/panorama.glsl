@@ -8,13 +8,17 @@ layout(constant_id = 3) const uint MINIFIED = 0; // 1: the picture is coarser th
 const uint FREE = 0u;
 const uint SURFACE = 1u;
 const uint SKIRT = 2u;
+const uint UNSEEN = 3u; // a skirt far behind the edge of a wall (edges.glsl)
+const float UNSEEN_LIGHT = 0.4; // of what borders it
 
 struct PanoramaHit {
     float t;      // FAR if the ray leaves
     vec2 uv;      // where the radiance is read
-    uint kind;    // FREE, SURFACE, SKIRT, or a lamp (lamps.glsl)
+    uint kind;    // FREE, SURFACE, SKIRT, UNSEEN, or a lamp (lamps.glsl)
     vec3 normal;  // of the triangle, of any length
 };
+
+bool is_skirt(PanoramaHit hit) { return hit.kind == SKIRT || hit.kind == UNSEEN; }
 
 #include "lamps.glsl"
 #include "edges.glsl"
@@ -95,6 +99,25 @@ vec3 vertex_direction(int i, int j) {
     int width = int(in_view.view.depth_size.x);
     vec2 phi = imageLoad(in_angles, ivec2(i >= width ? i - width : i, 0)).xy, theta = imageLoad(in_angles, ivec2(j + 1, 1)).xy;
     return vec3(theta.x * phi.x, theta.y, -theta.x * phi.y);
+}
+
+// Returns the radiance of what a ray met, as captured. No skirt shines: what it shows of the side of a lamp or a
+// window is a guess, of which no light may be made. What nobody saw is dimmer than what borders it: it is shown
+// as a mean within 4° around the middle between both sides, of which a ray takes one direction by its own bits.
+vec3 hit_radiance(PanoramaHit hit) {
+    vec2 uv = hit.uv;
+    float dim = 1.0;
+    if (hit.kind == UNSEEN) {
+        uint bits = hash(floatBitsToUint(hit.t) + hash(floatBitsToUint(uv.x) + hash(floatBitsToUint(uv.y))));
+        vec2 aside = vec2(bits & 0xffffu, bits >> 16u) / 32768.0 - 1.0;
+        uv = clamp(uv + aside * vec2(1.0, 2.0) / 90.0, vec2(-1.0, 0.0), vec2(2.0, 1.0));
+        uv.x -= floor(uv.x);
+        dim = UNSEEN_LIGHT;
+    }
+    vec3 radiance = panorama_light(uv);
+    if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction(uv), radiance);
+    if (is_skirt(hit)) radiance *= dim * min(1.0, in_view.view.skirt_luminance / max(luminance(radiance), 1e-20));
+    return is_lamp(hit) ? lamp_radiance(hit) : radiance;
 }
 
 // Returns (u, v) of a vertex.

@@ -178,7 +178,7 @@ PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
         ivec2 nearest = depth.x <= min(depth.y, depth.z) ? a : depth.y <= depth.z ? b : c;
         hit.kind = SKIRT;
         hit.uv = vertex_uv(nearest.x, nearest.y);
-        // Far behind a wall's edge it is neither the wall nor what is seen beyond, but between them.
+        // Far behind an edge it is neither the thing nor what is seen beyond, but between them.
         float near = min(depth.x, min(depth.y, depth.z));
         vec3 point = origin + d * hit.t;
         if (in_view.view.edge_depth != 0u && dot(point, point) > (near + in_view.view.thickness) * (near + in_view.view.thickness)) {
@@ -186,6 +186,7 @@ PanoramaHit panorama_trace(vec3 origin, vec3 d, float t_min, float t_max) {
             vec2 size = vec2(in_view.view.depth_size);
             hit.uv = clamp((0.5 * vec2(nearest + farthest) + 0.5) / size, vec2(0.0), vec2(2.0, 1.0));
             hit.uv.x -= floor(hit.uv.x);
+            hit.kind = UNSEEN;
         }
     } else hit.uv = panorama_uv(origin + d * hit.t);
     return hit;

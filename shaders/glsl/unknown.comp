@@ -18,7 +18,7 @@ void main() {
     bool unknown = false;
     if (length(origin) >= 1e-5) { // from the capture point itself everything was seen
         PanoramaHit hit = panorama_trace(origin, d, 0.0, FAR);
-        unknown = hit.kind == SKIRT || panorama_unknown(origin, d, 0.0, hit.t);
+        unknown = is_skirt(hit) || panorama_unknown(origin, d, 0.0, hit.t);
     }
     imageStore(out_unknown, p, vec4(unknown));
 }

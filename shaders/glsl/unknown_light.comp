@@ -31,10 +31,8 @@ void main() {
             vec3 d = sample_cosine(normal, fract(turn + float(k) * vec2(0.7548776662, 0.5698402910)));
             PanoramaHit hit = panorama_trace(origin, d, 0.0, FAR);
             lamps_meet(origin, d, hit);
-            vec3 radiance = without_lamps(panorama_direction(hit.uv), panorama_light(hit.uv));
-            if (hit.kind == SKIRT) radiance *= min(1.0, in_view.view.skirt_luminance / max(luminance(radiance), 1e-20));
-            if (is_lamp(hit)) radiance = lamp_radiance(hit);
-            bool unseen = hit.kind == SKIRT || panorama_unknown(origin, d, 0.0, hit.t);
+            vec3 radiance = hit_radiance(hit);
+            bool unseen = is_skirt(hit) || panorama_unknown(origin, d, 0.0, hit.t);
             all += luminance(radiance);
             unknown += unseen ? luminance(radiance) : 0.0;
         }

@@ -26,7 +26,7 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// What a ray met: [`FREE`], [`SURFACE`], [`SKIRT`], or a free lamp ([`LAMP`] + its number), at `t` metres (1e30 if it left). `uv` is where its
+    /// What a ray met: [`FREE`], [`SURFACE`], [`SKIRT`], [`UNSEEN`], or a free lamp ([`LAMP`] + its number), at `t` metres (1e30 if it left). `uv` is where its
     /// radiance is read, `normal` the triangle's, of any length. `unknown` is 1 if it passed through a
     /// skirt's far side, and 0 if that was not asked.
     pub struct RayAnswer { pub t: f32, pub kind: u32, pub uv: Vec2, pub normal: Vec3, pub unknown: u32 }
@@ -42,8 +42,10 @@ pub const FREE: u32 = 0;
 pub const SURFACE: u32 = 1;
 /// The ray met a skirt within the thickness.
 pub const SKIRT: u32 = 2;
+/// The ray met a skirt farther behind than the thickness, which only edges with a depth of their own have.
+pub const UNSEEN: u32 = 3;
 /// The ray met the first of the lamps that hang free. The others follow.
-pub const LAMP: u32 = 3;
+pub const LAMP: u32 = 4;
 
 /// How rays are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,12 +6,14 @@ use iprt::{
         mapping::{panorama_to_world, texel_direction},
         source::PanoramaFrame,
     },
-    passes::trace_rays::{FREE, RayAnswer, SKIRT, SURFACE, TracedRay},
+    passes::trace_rays::{FREE, RayAnswer, SKIRT, SURFACE, TracedRay, UNSEEN},
     settings::{Method, Settings},
 };
 
 /// Of vertex and origin distance: how near an edge a ray must pass to be counted apart. Single precision knows places to 1e-7 of that.
 pub const TOLERANCE: f64 = 1e-5;
+/// A thing that is as wide as this is a wall, metres.
+const WALL: f64 = 1.0;
 /// Of the panorama about +Y, degrees.
 pub const YAW: f32 = 37.0;
 
@@ -58,8 +60,6 @@ pub struct Verdict<'a> {
     allowed: f64,
     pub unknown: bool,
     triangle: Option<&'a Triangle>,
-    /// It lies far behind a wall's edge, where the radiance is that between the two sides.
-    between: bool,
 }
 
 /// How deep skirts are by `edge_depth`, at each texel: see `docs/pipeline.md`. 0 where there is no edge, `None` where rounding decides.
@@ -81,15 +81,31 @@ fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<O
         if farthest <= own * (1.0 + edge_ratio) {
             return Some(0.0);
         }
-        // The end of a walk over the thing, up to 2 m.
-        let walk = |dx: i64, dy: i64| -> Option<DVec3> {
+        // Outward is where most of what is farther lies, up to two texels away.
+        let (mut outward, mut spread) = (DVec2::ZERO, 0.0);
+        for (x, y) in (-2..=2).flat_map(|y| (-2..=2).map(move |x| (x, y))) {
+            let there = depth(i + x, (j + y).clamp(-1, height));
+            if near(there, own * (1.0 + edge_ratio)) {
+                return None;
+            }
+            if there > own * (1.0 + edge_ratio) {
+                let offset = DVec2::new(x as f64, y as f64);
+                (outward, spread) = (outward + offset, spread + offset.length());
+            }
+        }
+        // The end of a walk over the thing, up to a wall's width. `None` where rounding decides.
+        let walk = |way: DVec2| -> Option<DVec3> {
             let (mut last, mut depth_there, mut far, mut before) = (point(i, j), own, 0, 0);
             for _ in 0..40 {
                 if 4 * far >= width {
                     break;
                 }
                 far += (far / 8).max(1);
-                let (x, y) = (i + dx * far, j + dy * far);
+                let at = way * far as f64;
+                if [at.x, at.y].iter().any(|a| ((a - a.floor()) - 0.5).abs() < 1e-4) {
+                    return None;
+                }
+                let (x, y) = (i + at.x.round() as i64, j + at.y.round() as i64);
                 if !(0..height).contains(&y) {
                     break;
                 }
@@ -104,31 +120,43 @@ fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<O
                     continue;
                 }
                 (depth_there, before, last) = (there, far, point(x, y));
-                if near(last.distance(point(i, j)), 2.0) {
+                if near(last.distance(point(i, j)), WALL) {
                     return None;
                 }
-                if last.distance(point(i, j)) > 2.0 {
+                if last.distance(point(i, j)) > WALL {
                     break;
                 }
             }
             Some(last)
         };
-        let mut thing = f64::INFINITY;
-        for (dx, dy) in [(1, 0), (0, 1), (1, 1), (1, -1)] {
-            let ends = walk(dx, dy)?.distance(walk(-dx, -dy)?);
-            thing = thing.min(ends + own * std::f64::consts::PI / height as f64);
-        }
-        // Rounded down to 1 or 1.5 times a power of two, from 1/64 m to 2 m.
-        let steps: Vec<f64> =
-            (0..14).map(|k| (1.0 + 0.5 * f64::from(k % 2)) * f64::from(1 << (k / 2)) / 64.0).collect();
-        if thing > 0.0157 && (steps.iter().any(|step| near(thing, *step)) || near(thing, 2.0)) || near(thing, 0.0157) {
+        let texel = own * std::f64::consts::PI / height as f64;
+        if near(outward.length(), 0.25 * spread) {
             return None;
         }
-        Some(if thing >= 2.0 {
-            f64::INFINITY
+        let thing = if outward.length() > 0.25 * spread {
+            walk(-outward.normalize())?.distance(point(i, j)) + texel
         } else {
-            steps.into_iter().rev().find(|step| *step <= thing).unwrap_or(1.0 / 64.0)
-        })
+            // A few texels wide: the shortest of four widths.
+            let mut least = f64::INFINITY;
+            for way in [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(DVec2::from) {
+                least = least.min(walk(way)?.distance(walk(-way)?) + texel);
+            }
+            least
+        };
+        if near(thing, WALL) {
+            return None;
+        }
+        if thing > WALL {
+            return Some(f64::INFINITY);
+        }
+        // Rounded down to 1 or 1.5 times a power of two, from 1/64 m on.
+        let deep = thing.min(0.075 + 0.25 * thing);
+        let steps: Vec<f64> =
+            (0..14).map(|k| (1.0 + 0.5 * f64::from(k % 2)) * f64::from(1 << (k / 2)) / 64.0).collect();
+        if deep > 0.0157 && steps.iter().any(|step| near(deep, *step)) || near(deep, 0.0157) {
+            return None;
+        }
+        Some(steps.into_iter().rev().find(|step| *step <= deep).unwrap_or(1.0 / 64.0))
     };
     (0..height).flat_map(|j| (0..width).map(move |i| (i, j))).map(|(i, j)| at(i, j)).collect()
 }
@@ -266,8 +294,7 @@ pub fn cross(triangle: &Triangle, origin: DVec3, d: DVec3) -> Option<Crossing<'_
 
 /// What the surface's definition says of a ray; nothing where it passes an edge, or where a skirt ends, too closely to tell.
 pub fn judge<'a>(crossings: &[Crossing<'a>], settings: &Settings) -> Option<Verdict<'a>> {
-    let mut verdict =
-        Verdict { kind: FREE, t: f64::INFINITY, allowed: 0.0, unknown: false, triangle: None, between: false };
+    let mut verdict = Verdict { kind: FREE, t: f64::INFINITY, allowed: 0.0, unknown: false, triangle: None };
     for crossing in crossings {
         // beyond what was hit nothing matters
         if crossing.t - crossing.uncertain > verdict.t {
@@ -295,13 +322,19 @@ pub fn judge<'a>(crossings: &[Crossing<'a>], settings: &Settings) -> Option<Verd
         if beyond {
             verdict.unknown = true;
         } else if crossing.inside {
-            let kind = if skirt { SKIRT } else { SURFACE };
+            let unseen = skirt && settings.edge_depth && crossing.radius > wall;
+            let kind = if unseen {
+                UNSEEN
+            } else if skirt {
+                SKIRT
+            } else {
+                SURFACE
+            };
             verdict = Verdict {
                 kind,
                 t: crossing.t,
                 allowed: crossing.allowed,
                 triangle: Some(crossing.triangle),
-                between: skirt && settings.edge_depth && crossing.radius > wall,
                 ..verdict
             };
         }
@@ -326,7 +359,7 @@ pub fn fault(answer: &RayAnswer, verdict: &Verdict<'_>, size: [u32; 2]) -> Optio
     if answer.normal.as_dvec3().normalize_or_zero().dot(normal.normalize()).abs() < 0.99 {
         return Some("normal");
     }
-    if answer.kind == SKIRT && !verdict.between {
+    if answer.kind == SKIRT {
         let near = (0..3).min_by(|a, b| triangle.depths[*a].total_cmp(&triangle.depths[*b])).unwrap();
         let [i, j] = triangle.texels[near];
         let v = ((j as f64 + 0.5) / f64::from(size[1])).clamp(0.0, 1.0);

@@ -115,7 +115,7 @@ fn agree(gpu: &Gpu, name: &str, frame: &PanoramaFrame, count: usize) {
         let set = tracer.rays(&rays).unwrap();
         tracer.trace(&set).unwrap();
         let answers = tracer.answers(&set).unwrap();
-        let (mut apart, mut kinds, mut unknown, mut wrong) = ([0usize; CLASSES.len()], [0usize; 3], 0, Vec::new());
+        let (mut apart, mut kinds, mut unknown, mut wrong) = ([0usize; CLASSES.len()], [0usize; 4], 0, Vec::new());
         for (k, (answer, crossings)) in answers.iter().zip(&crossings).enumerate() {
             let Some(verdict) = judge(crossings, &settings) else {
                 apart[k % CLASSES.len()] += 1;
@@ -135,7 +135,7 @@ fn agree(gpu: &Gpu, name: &str, frame: &PanoramaFrame, count: usize) {
             }
         }
         println!(
-            "{name}, thickness {thickness}, edge_depth {edges}: free, surface, skirt {kinds:?}, unknown {unknown}, counted apart {apart:?}"
+            "{name}, thickness {thickness}, edge_depth {edges}: free, surface, skirt, unseen {kinds:?}, unknown {unknown}, counted apart {apart:?}"
         );
         assert!(
             wrong.is_empty(),

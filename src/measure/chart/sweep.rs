@@ -133,7 +133,7 @@ const FULL: &[Values] = &[
     (Method::Iprt, "normal_radius", &["1", "4"]),
     (Method::Iprt, "edge_ratio", &["0.05", "0.2"]),
     (Method::Iprt, "thickness", &["0", "0.1", "1", "inf"]),
-    (Method::Iprt, "edge_depth", &["true"]),
+    (Method::Iprt, "edge_depth", &["false"]),
     (Method::Iprt, "skirt_luminance", &["inf"]),
     (Method::Iprt, "real_tracer", &["march", "direction"]),
     (Method::Iprt, "virtual_tracer", &["screen"]),
