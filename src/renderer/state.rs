@@ -81,7 +81,7 @@ impl Renderer {
             state.instances = PackedInstances::default();
         }
         if !self.plan.on(Part::Deformation) {
-            state.instances.patches.clear();
+            state.instances.poses.clear();
             state.instances.instances.iter_mut().for_each(|instance| (instance.previous, instance.step) = (NONE, 0.0));
         }
         let (centre, unit) = (scene.panorama.position, self.plan.facts.luminance);
