@@ -226,18 +226,19 @@ fn bounds_hold_what_is_posed() {
     }
 }
 
-/// A row of tiles that folds: what was side by side comes to lie far apart.
+/// Groups of tiles in a row, which change places: groups that were side by side come to lie far apart.
 fn shuffled() -> Object {
     let still = growing(Vec3::NEG_Z);
     let mut mesh = Mesh::default();
     let mut moves = Vec::new();
     for tile in 0..512_u32 {
-        let at = |place: u32| vec3(place as f32 * 0.01, 0.0, 0.0);
+        let (group, within) = (tile / 8, tile % 8);
+        let at = |group: u32| vec3(group as f32 * 0.4 + within as f32 * 0.01, 0.0, 0.0);
         let corners = [Vec3::ZERO, vec3(0.008, 0.0, 0.0), vec3(0.0, 0.008, 0.0)];
         mesh.triangles.push([3 * tile, 3 * tile + 1, 3 * tile + 2]);
-        mesh.positions.extend(corners.map(|corner| corner + at(tile)));
-        // The tile that has the same number with its bits reversed.
-        moves.extend([at(tile.reverse_bits() >> 23) - at(tile); 3]);
+        mesh.positions.extend(corners.map(|corner| corner + at(group)));
+        // to the place whose number has the six bits of its own in reverse
+        moves.extend([at(group.reverse_bits() >> 26) - at(group); 3]);
     }
     (mesh.normals, mesh.materials) = (vec![Vec3::Z; mesh.positions.len()], vec![0; mesh.triangles.len()]);
     let (positions, normals) = (mesh.positions.clone(), mesh.normals.clone());
