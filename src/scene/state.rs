@@ -9,10 +9,10 @@ use super::{
     file::RenderSettings,
     model::Model,
     pack::{PackedMesh, pack},
-    packed::{Instance, NONE, PackedInstances, PackedScene},
+    packed::{BvhNode, Instance, NONE, PackedInstances, PackedScene},
 };
 use crate::{Result, panorama::source::PanoramaSource};
-use glam::Affine3A;
+use glam::{Affine3A, Mat4, Vec4};
 use std::{path::PathBuf, sync::Arc};
 
 /// A model placed in the world.
@@ -214,9 +214,30 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
             boxes.push(bounds.transformed(&to_world).padded());
         }
     }
-    let tree = bvh::build_top(&boxes);
-    let nodes = tree.pack(0, |first| tree.order[first as usize]);
-    PackedInstances { instances, nodes, lights, poses }
+    PackedInstances { instances, nodes: top_level(&boxes), lights, poses }
+}
+
+fn top_level(boxes: &[Bounds]) -> Vec<BvhNode> {
+    let tree = bvh::build_top(boxes);
+    tree.pack(0, |first| tree.order[first as usize])
+}
+
+impl PackedInstances {
+    /// Lets the meshes that change their shape stand in their rest pose.
+    pub fn rest(&mut self, packed: &PackedScene) {
+        if self.poses.is_empty() {
+            return;
+        }
+        self.poses.clear();
+        self.instances.iter_mut().for_each(|instance| (instance.previous, instance.step) = (NONE, 0.0));
+        let at_rest = |instance: &Instance| {
+            let root = &packed.nodes[instance.root as usize];
+            let [x, y, z] = instance.object_to_world.map(Vec4::from);
+            let rows = Mat4::from_cols(x, y, z, Vec4::W).transpose();
+            Bounds { min: root.min, max: root.max }.transformed(&Affine3A::from_mat4(rows)).padded()
+        };
+        self.nodes = top_level(&self.instances.iter().map(at_rest).collect::<Vec<_>>());
+    }
 }
 
 impl Placed {

@@ -201,6 +201,19 @@ fn every_barrier_of_the_pass_is_needed() {
     });
 }
 
+/// Without the pass a mesh stands in its rest pose, and its box does, too.
+#[test]
+fn boxes_are_those_of_the_rest_pose_where_nothing_is_posed() {
+    let scene = of(vec![ball(0.2, lambert(0.5), Vec3::ZERO), growing(vec3(0.5, 0.0, -1.0))]);
+    let [mut later, start] = [1.0, 0.0].map(|time| scene.at(time, time).instances);
+    let heights = [&later, &start].map(|state| state.nodes[0].max.y);
+    assert!(heights[0] > heights[1] + 0.3, "{heights:?}");
+    later.rest(&scene.packed);
+    assert!(later.poses.is_empty());
+    assert!((later.nodes[0].max.y - heights[1]).abs() < 1e-4, "{} and {heights:?}", later.nodes[0].max.y);
+    bvh::check_top(&scene.packed, &later).expect("a valid top level");
+}
+
 /// The bounds of instances, and the ways of their vertices, hold what is posed, and are not much larger.
 #[test]
 fn bounds_hold_what_is_posed() {
