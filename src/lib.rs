@@ -57,7 +57,8 @@
 //!    [`passes::temporal`], [`passes::atrous`].
 //! 4. [`passes::composite`].
 //!
-//! If rays meet objects by ray queries, [`passes::acceleration`] comes before all of these.
+//! If objects change their shape, [`passes::deform`] comes before all of these, and behind it
+//! [`passes::acceleration`], if rays meet objects by ray queries.
 //!
 //! Any image of it can be read back by name: [`renderer::Renderer::aov`].
 //!

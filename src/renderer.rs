@@ -194,7 +194,7 @@ impl Renderer {
         Ok(begun)
     }
 
-    /// Uploads what the device must know for this frame, and builds what ray queries search.
+    /// Uploads what the device must know for this frame, and brings what rays meet to it.
     fn upload(&mut self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         frame.scope(UPLOAD, |frame| {
             if let Some(content) = &state.content {
@@ -203,7 +203,7 @@ impl Renderer {
             self.scene.upload(frame, &state.packed, &state.instances, &state.movers, self.plan.facts.luminance)?;
             self.upload_views(frame, state)
         })?;
-        self.scene.accelerate(frame, &state.instances)
+        self.scene.follow(frame, &state.instances)
     }
 
     /// Runs once per video frame. Derives what comes from the panorama alone.

@@ -22,3 +22,4 @@ const uint FAULT_NARROW_COLUMNS = 14u;
 const uint FAULT_DRIFT = 15u;
 const uint FAULT_HISTORY_OF_OTHERS = 16u;
 const uint FAULT_TEXTURES_FINEST = 17u;
+const uint FAULT_ONE_JOINT = 18u;

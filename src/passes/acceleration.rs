@@ -7,6 +7,7 @@ use crate::{
     gpu::{Acceleration, Buffer, Frame, Gpu, Placed},
     scene::{
         bvh,
+        deform::Stance,
         packed::{Instance, NONE, PackedInstances, PackedScene, TriangleGeometry},
     },
 };
@@ -19,9 +20,9 @@ pub struct AccelerationBuild {
     /// Of all instances, in their order. An instance's own index is the first triangle of its mesh.
     pub top: Acceleration,
     placed: Buffer,
-    /// The first triangle of the meshes that change their shape, and the corners of all from there on.
+    /// The first triangle of the meshes that change their shape, and the corners of all from there on, if any do.
     first_deformed: u32,
-    corners: Buffer,
+    corners: Option<Buffer>,
     scratch: Buffer,
     /// What the structures hold, if that is known.
     built: Option<Input>,
@@ -40,15 +41,16 @@ struct Mesh {
 #[derive(PartialEq)]
 struct Input {
     placed: Vec<Placed>,
-    corners: Vec<Vec3>,
+    stances: Vec<Stance>,
 }
 
 impl AccelerationBuild {
-    /// Builds the structures of all meshes. `instances` is the largest number of instances in any frame.
+    /// Builds the structures of all meshes. `instances` is the largest number of instances in any frame. `corners` are
+    /// those that the pass `deform` writes, if it runs.
     ///
     /// # Errors
     /// Fails if the device has no ray queries or lacks memory.
-    pub fn new(gpu: &Gpu, scene: &PackedScene, instances: usize) -> Result<Self> {
+    pub fn new(gpu: &Gpu, scene: &PackedScene, instances: usize, corners: Option<&Buffer>) -> Result<Self> {
         let meshes = meshes(scene).into_iter().map(|(root, triangles)| {
             let structure = gpu.triangles(&format!("mesh at node {root}"), triangles.len() as u32)?;
             Ok(Mesh { root, triangles, structure })
@@ -59,23 +61,21 @@ impl AccelerationBuild {
         let all = meshes.iter().map(|mesh| &mesh.structure).chain([&top]);
         let scratch = gpu.build_scratch(all.map(Acceleration::scratch_bytes).max().unwrap_or(0))?;
 
-        let corners = corners(&scene.triangles);
-        let rest = gpu.build_input("corners at rest", size_of_val(&corners[..]) as u64)?;
+        let at_rest = at_rest(&scene.triangles);
+        let rest = gpu.build_input("corners at rest", size_of_val(&at_rest[..]) as u64)?;
         let mut frame = gpu.frame()?;
-        frame.write_buffer(&rest, 0, &corners)?;
+        frame.write_buffer(&rest, 0, &at_rest)?;
         for mesh in &meshes {
             frame.barrier("meshes are built of their corners, one after the other in the same scratch memory");
             frame.build(&mesh.structure, &rest, [mesh.triangles.start, mesh.triangles.len() as u32], &scratch)?;
         }
         frame.run()?;
-        let first_deformed = scene.first_deformed;
-        let deforming = corners.len().saturating_sub(3 * first_deformed as usize);
         Ok(Self {
             meshes,
             top,
             placed: gpu.build_input("placed meshes", (instances * size_of::<Placed>()) as u64)?,
-            first_deformed,
-            corners: gpu.build_input("corners", (deforming * size_of::<Vec3>()) as u64)?,
+            first_deformed: scene.first_deformed,
+            corners: corners.cloned(),
             scratch,
             built: None,
             building: None,
@@ -94,8 +94,7 @@ impl AccelerationBuild {
             Ok(Placed::new(instance.object_to_world, triangles.start, structure))
         };
         let placed = state.instances.iter().map(place).collect::<Result<_>>()?;
-        let corners = state.patches.iter().flat_map(|patch| corners(&patch.triangles)).collect();
-        let input = Input { placed, corners };
+        let input = Input { placed, stances: state.poses.iter().map(|pose| pose.now.clone()).collect() };
         let before = self.built.take();
         if before.as_ref() == Some(&input) {
             self.building = before;
@@ -103,13 +102,13 @@ impl AccelerationBuild {
         }
         frame.scope("acceleration", |frame| {
             frame.write_buffer(&self.placed, 0, &input.placed)?;
-            if before.is_none_or(|before| before.corners != input.corners) && !input.corners.is_empty() {
-                frame.write_buffer(&self.corners, 0, &input.corners)?;
+            let corners = self.corners.as_ref().filter(|_| !input.stances.is_empty());
+            if let Some(corners) = corners.filter(|_| before.is_none_or(|before| before.stances != input.stances)) {
                 let deformed = self.meshes.iter().filter(|mesh| mesh.triangles.start >= self.first_deformed);
                 for Mesh { triangles, structure, .. } in deformed {
                     frame.barrier("meshes are built of their corners, one after the other in the same scratch memory");
                     let range = [triangles.start - self.first_deformed, triangles.len() as u32];
-                    frame.build(structure, &self.corners, range, &self.scratch)?;
+                    frame.build(structure, corners, range, &self.scratch)?;
                 }
             }
             frame.barrier("the structure of instances is built of meshes and places");
@@ -125,7 +124,7 @@ impl AccelerationBuild {
     }
 }
 
-fn corners(triangles: &[TriangleGeometry]) -> Vec<Vec3> {
+fn at_rest(triangles: &[TriangleGeometry]) -> Vec<Vec3> {
     triangles.iter().flat_map(|t| [t.v0, t.v0 + t.e1, t.v0 + t.e2]).collect()
 }
 

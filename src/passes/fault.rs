@@ -58,6 +58,8 @@ pub enum Fault {
     HistoryOfOthers = 16,
     /// Textures are read at their finest level, however far they are.
     TexturesFinest = 17,
+    /// Of the joints that move a vertex only the first counts.
+    OneJoint = 18,
     /// The history never ends and is never clamped.
     HistoryKept = 100,
     /// The seed counts the frames of the whole process.
@@ -83,6 +85,7 @@ impl Fault {
             Self::NormalsUnturned => &["gbuffer", "coverage", "irradiance"],
             Self::FilterBlind => &["interpolate", "atrous"],
             Self::LastTileLost => &["composite"],
+            Self::OneJoint => &["deform"],
         };
         gpu.with_fault(self as u32, passes)
     }

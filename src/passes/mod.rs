@@ -8,6 +8,7 @@ pub mod acceleration;
 pub mod atrous;
 pub mod bsdf;
 pub mod composite;
+pub mod deform;
 pub mod depth_pyramid;
 pub mod display;
 pub mod fault;
@@ -53,7 +54,8 @@ pub struct PassRow {
     pub every: Every,
     /// The stem and the SPIR-V of each shader that it dispatches.
     pub shaders: &'static [(&'static str, &'static [u32])],
-    /// Dispatches in a frame that shows a new video frame. A build of instances counts as one.
+    /// Dispatches in a frame that shows a new video frame. A build of instances counts as one, and
+    /// so do the dispatches that fit boxes, one for each height of a tree.
     pub dispatches: fn(&Plan) -> u32,
     /// The pass is off if all of these parts are off. Empty if it always runs.
     pub without: &'static [Part],
@@ -63,6 +65,20 @@ pub struct PassRow {
 
 /// The passes in the order of the frame. `relight` stands for the passes after it, on the relit maps.
 pub const PASSES: &[PassRow] = &[
+    PassRow {
+        name: "deform",
+        what: "the vertices, triangles and boxes of objects that change their shape",
+        every: Every::Frame,
+        shaders: &[
+            ("deform", shaders::DEFORM),
+            ("deform_triangles", shaders::DEFORM_TRIANGLES),
+            ("deform_boxes", shaders::DEFORM_BOXES),
+            ("deform_corners", shaders::DEFORM_CORNERS),
+        ],
+        dispatches: |plan| 3 * u32::from(plan.on(Part::Deformation)),
+        without: &[Part::Deformation],
+        color: "#bcbd22",
+    },
     PassRow {
         name: "acceleration",
         what: "what ray queries search, where objects have moved",

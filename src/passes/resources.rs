@@ -79,6 +79,10 @@ pub const STRUCTS: &[StructLayout] = &[
     struct_layout::<packed::Punctual>("Punctual"),
     struct_layout::<trace_rays::TracedRay>("TracedRay"),
     struct_layout::<super::free_lamps::FreeLamp>("FreeLamp"),
+    struct_layout::<super::deform::RestVertex>("RestVertex"),
+    struct_layout::<super::deform::Influence>("Influence"),
+    struct_layout::<super::deform::Delta>("Delta"),
+    struct_layout::<super::deform::Link>("Link"),
     struct_layout::<trace_rays::RayAnswer>("RayAnswer"),
 ];
 

@@ -3,17 +3,17 @@
 use super::{
     acceleration::AccelerationBuild,
     bsdf::{ggx_table, sheen_table},
+    deform::Deform,
     resources::{Resource, Resources},
 };
 use crate::{
     Result,
     gpu::{Buffer, Format, Frame, Gpu, Image},
     scene::{
-        deform::Patch,
         lights::Shining,
         packed::{
-            BvhNode, EmitterHeader, Instance, Light, Mover, NONE, ONE_SIDED, PackedInstances, PackedScene, Punctual,
-            TriangleGeometry, Vertex,
+            BvhNode, EmitterHeader, Instance, Light, Mover, ONE_SIDED, PackedInstances, PackedScene, Punctual,
+            TriangleGeometry,
         },
     },
 };
@@ -27,28 +27,12 @@ pub struct SceneBuffers {
     places: Table,
     top_nodes: Table,
     /// Present if meshes change their shape.
-    deformed: Option<Deformed>,
+    deform: Option<Deform>,
     /// Present if rays meet objects by ray queries.
     acceleration: Option<AccelerationBuild>,
     shining: Shining,
     emitters: Buffer,
     punctual: Buffer,
-}
-
-/// The meshes that change their shape: the last of all in the arrays.
-struct Deformed {
-    first_triangle: usize,
-    first_vertex: usize,
-    first_node: usize,
-    vertices: Buffer,
-    triangles: Table,
-    nodes: Table,
-    /// The triangles a frame ago.
-    previous: Table,
-    one_sided: Vec<bool>,
-    /// What is in the tables' rows before them.
-    triangles_before: Vec<[u32; 4]>,
-    nodes_before: Vec<[u32; 4]>,
 }
 
 impl SceneBuffers {
@@ -58,8 +42,7 @@ impl SceneBuffers {
         let mut resources = Resources::default();
         let mut add = |name: &'static str, buffer: Buffer| resources.add(name, Resource::Buffer(buffer));
         add("shading", gpu.buffer_with("triangle shading", &scene.shading)?);
-        let vertices = gpu.buffer_with("vertices", &scene.vertices)?;
-        add("vertices", vertices.clone());
+        add("vertices", gpu.buffer_with("vertices", &scene.vertices)?);
         add("materials", gpu.buffer_with("materials", &scene.materials)?);
         add("textures", gpu.buffer_with("textures", &scene.textures)?);
         add("texels", gpu.buffer_with("texels", &scene.texels)?);
@@ -76,12 +59,9 @@ impl SceneBuffers {
         resources.add("emitters", Resource::Buffer(emitters.clone()));
         let punctual = gpu.buffer("punctual lights", (size_of::<u32>() + lights * size_of::<Punctual>()) as u64)?;
         resources.add("punctual", Resource::Buffer(punctual.clone()));
-        let triangle_items = triangle_items(&scene.triangles, &one_sided(scene, 0));
-        let triangles = Table::with(gpu, "triangles", &triangle_items)?;
-        let node_items: &[[u32; 4]] = bytemuck::cast_slice(&scene.nodes);
-        let nodes = Table::with(gpu, "bvh nodes", node_items)?;
-        let first_triangle = scene.first_deformed as usize;
-        let deforming = scene.triangles.len().saturating_sub(first_triangle);
+        let triangles = Table::with(gpu, "triangles", &triangle_items(&scene.triangles, &one_sided(scene)))?;
+        let nodes = Table::with(gpu, "bvh nodes", bytemuck::cast_slice(&scene.nodes))?;
+        let deforming = scene.triangles.len().saturating_sub(scene.first_deformed as usize);
         let previous = Table::new(gpu, "previous triangles", deforming * TRIANGLE_TEXELS)?;
         let places = Table::new(gpu, "places", instances * PLACE_TEXELS)?;
         let top_nodes = Table::new(gpu, "top bvh nodes", 2 * instances * size_of::<BvhNode>() / TEXEL)?;
@@ -94,35 +74,14 @@ impl SceneBuffers {
         ] {
             resources.add(name, Resource::Image(table.0.clone()));
         }
-        let before = |items: &[[u32; 4]], first: usize| items[first / TABLE_ROW * TABLE_ROW..first].to_vec();
-        let deformed = (deforming > 0).then(|| {
-            let first = scene.shading[first_triangle..].iter().map(|t| t.v0.min(t.v1).min(t.v2)).min();
-            let is_first = |node: &BvhNode| node.leaf != 0 && (node.leaf >> 3) as usize >= first_triangle;
-            let leaf = scene.nodes.iter().position(is_first).unwrap_or(0);
-            // The tree begins behind the end of the one before.
-            let first_node = scene.nodes[..leaf].iter().rposition(|node| node.leaf != 0 && node.next == NONE);
-            let first_node = first_node.map_or(0, |last| last + 1);
-            Deformed {
-                first_triangle,
-                first_vertex: first.unwrap_or(0) as usize,
-                first_node,
-                vertices,
-                one_sided: one_sided(scene, first_triangle),
-                triangles_before: before(&triangle_items, first_triangle * TRIANGLE_TEXELS),
-                nodes_before: before(node_items, first_node * NODE_TEXELS),
-                triangles,
-                nodes,
-                previous,
-            }
-        });
-        let acceleration = None;
+        let (deform, acceleration) = (None, None);
         Ok(Self {
             resources,
             instances: top,
             movers,
             places,
             top_nodes,
-            deformed,
+            deform,
             acceleration,
             shining,
             emitters,
@@ -130,24 +89,48 @@ impl SceneBuffers {
         })
     }
 
+    /// Adds the pass that poses the scene's deforming meshes, if it has any. `ray_queries` says whether
+    /// [`SceneBuffers::add_acceleration`] follows.
+    ///
+    /// # Errors
+    /// Fails as [`Deform::new`] does.
+    pub fn add_deform(&mut self, gpu: &Gpu, scene: &PackedScene, ray_queries: bool) -> Result<()> {
+        self.deform = Deform::new(gpu, scene, ray_queries)?;
+        Ok(())
+    }
+
+    /// The pass that poses meshes, if the scene needs it.
+    pub fn deform(&self) -> Option<&Deform> {
+        self.deform.as_ref()
+    }
+
     /// Adds what ray queries search.
     ///
     /// # Errors
     /// Fails as [`AccelerationBuild::new`] does.
     pub fn add_acceleration(&mut self, gpu: &Gpu, scene: &PackedScene, instances: usize) -> Result<()> {
-        let acceleration = AccelerationBuild::new(gpu, scene, instances)?;
+        let corners = self.deform.as_ref().and_then(Deform::corners);
+        let acceleration = AccelerationBuild::new(gpu, scene, instances, corners)?;
         self.resources.add("acceleration", Resource::Acceleration(acceleration.top.clone()));
         self.acceleration = Some(acceleration);
         Ok(())
     }
 
-    /// Records the pass `acceleration` for a frame's instances, if rays meet objects by ray queries.
-    pub fn accelerate(&mut self, frame: &mut Frame, state: &PackedInstances) -> Result<()> {
+    /// Records the passes that bring what rays meet to a frame's instances: `deform`, if meshes change their shape, and
+    /// `acceleration`, if rays meet objects by ray queries.
+    ///
+    /// # Errors
+    /// Fails as [`Deform::record`] and [`AccelerationBuild::record`] do.
+    pub fn follow(&mut self, frame: &mut Frame, state: &PackedInstances) -> Result<()> {
+        if let Some(deform) = self.deform.as_mut().filter(|_| !state.poses.is_empty()) {
+            deform.record(frame, &self.resources, &state.poses)?;
+        }
         self.acceleration.as_mut().map_or(Ok(()), |acceleration| acceleration.record(frame, state))
     }
 
     /// Notes that the frame recorded last was submitted.
     pub fn submitted(&mut self) {
+        self.deform.iter_mut().for_each(Deform::submitted);
         self.acceleration.iter_mut().for_each(AccelerationBuild::submitted);
     }
 
@@ -162,9 +145,6 @@ impl SceneBuffers {
         luminance: f32,
     ) -> Result<()> {
         frame.write_buffer(&self.movers, 0, movers)?;
-        if let Some(deformed) = self.deformed.as_ref().filter(|_| !state.patches.is_empty()) {
-            deformed.upload(frame, &state.patches)?;
-        }
         frame.write_buffer(&self.instances, 0, &state.instances)?;
         let room = (self.emitters.bytes() as usize - size_of::<EmitterHeader>()) / size_of::<Light>();
         let table = self.shining.lights(scene, state);
@@ -195,9 +175,8 @@ impl SceneBuffers {
 /// The most triangles that are aimed at.
 const MAX_EMITTERS: usize = 1 << 20;
 
-/// Texels of a triangle, and of a node.
+/// Texels of a triangle.
 const TRIANGLE_TEXELS: usize = 3;
-const NODE_TEXELS: usize = 2;
 
 fn triangle_items(triangles: &[TriangleGeometry], one_sided: &[bool]) -> Vec<[u32; 4]> {
     let texel = |v: Vec3, w: bool| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), u32::from(w)];
@@ -205,29 +184,10 @@ fn triangle_items(triangles: &[TriangleGeometry], one_sided: &[bool]) -> Vec<[u3
     items.flat_map(|(t, one_sided)| [texel(t.v0, *one_sided), texel(t.e1, false), texel(t.e2, false)]).collect()
 }
 
-/// Says of each triangle from `first` on whether the camera sees its front alone.
-fn one_sided(scene: &PackedScene, first: usize) -> Vec<bool> {
+/// Says of each triangle whether the camera sees its front alone.
+fn one_sided(scene: &PackedScene) -> Vec<bool> {
     let flags = |material: u32| scene.materials.get(material as usize).map_or(0, |material| material.flags);
-    scene.shading[first..].iter().map(|triangle| flags(triangle.material) & ONE_SIDED != 0).collect()
-}
-
-impl Deformed {
-    fn upload(&self, frame: &mut Frame, patches: &[Patch]) -> Result<()> {
-        let all = |of: fn(&Patch) -> &[TriangleGeometry]| -> Vec<TriangleGeometry> {
-            patches.iter().flat_map(|patch| of(patch).iter().copied()).collect()
-        };
-        let items = |of: fn(&Patch) -> &[TriangleGeometry]| triangle_items(&all(of), &self.one_sided);
-        let vertices: Vec<_> = patches.iter().flat_map(|patch| patch.vertices.iter().copied()).collect();
-        let nodes: Vec<_> = patches.iter().flat_map(|patch| patch.nodes.iter().copied()).collect();
-        frame.write_buffer(&self.vertices, (self.first_vertex * size_of::<Vertex>()) as u64, &vertices)?;
-        let rows = |table: &Table, frame: &mut Frame, before: &[[u32; 4]], first: usize, items: &[[u32; 4]]| {
-            table.upload_from(frame, first / TABLE_ROW, &[before, items].concat())
-        };
-        let first = self.first_triangle * TRIANGLE_TEXELS;
-        rows(&self.triangles, frame, &self.triangles_before, first, &items(|patch| &patch.triangles))?;
-        rows(&self.nodes, frame, &self.nodes_before, self.first_node * NODE_TEXELS, bytemuck::cast_slice(&nodes))?;
-        self.previous.upload(frame, &items(|patch| &patch.previous))
-    }
+    scene.shading.iter().map(|triangle| flags(triangle.material) & ONE_SIDED != 0).collect()
 }
 
 /// Bytes of a texel of a [`Table`].
@@ -256,14 +216,6 @@ impl Table {
 
     fn upload(&self, frame: &mut Frame, items: &[[u32; 4]]) -> Result<()> {
         frame.write_image(&self.0, 0, 0, &self.padded(items))
-    }
-
-    /// Writes the rows from `first_row` to the last.
-    fn upload_from(&self, frame: &mut Frame, first_row: usize, items: &[[u32; 4]]) -> Result<()> {
-        let [width, height] = self.0.size();
-        let mut padded = items.to_vec();
-        padded.resize(width as usize * (height as usize).saturating_sub(first_row), [0; 4]);
-        frame.write_rows(&self.0, first_row as u32, &padded)
     }
 
     fn padded(&self, items: &[[u32; 4]]) -> Vec<[u32; 4]> {

@@ -167,7 +167,7 @@ parts! {
     Deformation: "Objects that change their shape." {
         name: "deformation", setting: "deformation", off: "off", needs: Some(Part::Motion), constant: Some("DEFORMATION"),
         off_where: "no object plays a clip that moves joints of a skin or weights of morph targets",
-        leaves_out: "the posing of vertices and their upload in every frame; such objects stand in their rest pose",
+        leaves_out: "the pass `deform`; such objects stand in their rest pose",
     }
     SamplingMask: "Tracing a share of the pixels." {
         name: "sampling_mask", setting: "sampling_mask", off: "false", needs: Some(Part::Objects), constant: None,

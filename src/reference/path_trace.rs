@@ -159,7 +159,7 @@ impl PathTracer {
                 "give a width and a height of at least 1",
             ));
         }
-        let scene = &deform::patched(scene, &state.patches);
+        let scene = &deform::patched(scene, &state.poses);
         let table = light_table(scene, state);
         let buffers = SceneBuffers::new(gpu, scene, state.instances.len(), state.lights.len())?;
         let mut upload = gpu.frame()?;

@@ -116,6 +116,9 @@ impl Renderer {
         );
         let (gbuffer, relighting) = others?;
         let mut scene_buffers = SceneBuffers::new(gpu, packed, plan.facts.instances, plan.facts.lights)?;
+        if plan.on(Part::Deformation) {
+            scene_buffers.add_deform(gpu, packed, plan.ray_queries())?;
+        }
         if plan.ray_queries() {
             scene_buffers.add_acceleration(gpu, packed, plan.facts.instances)?;
         }

@@ -81,8 +81,7 @@ impl Renderer {
             state.instances = PackedInstances::default();
         }
         if !self.plan.on(Part::Deformation) {
-            state.instances.patches.clear();
-            state.instances.instances.iter_mut().for_each(|instance| (instance.previous, instance.step) = (NONE, 0.0));
+            state.instances.rest(&scene.packed);
         }
         let (centre, unit) = (scene.panorama.position, self.plan.facts.luminance);
         let mut movers = self.movers.advance(&scene.packed, &mut state.instances, centre, unit);

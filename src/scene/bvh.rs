@@ -35,8 +35,17 @@ struct TreeNode {
 /// Builds a tree over triangle boxes for tracing, with leaves of at most [`MAX_LEAF`]: obvhs' (PLOC with
 /// reinsertion), or for a few boxes one by the surface-area heuristic.
 pub fn build_bottom(boxes: &[Bounds]) -> Tree {
+    build(boxes, MAX_LEAF)
+}
+
+/// Builds a tree for tracing over the boxes of leaves, each of which stays one.
+pub fn build_over(leaves: &[Bounds]) -> Tree {
+    build(leaves, 1)
+}
+
+fn build(boxes: &[Bounds], max_leaf: u32) -> Tree {
     let large = boxes.len() > MAX_LEAF as usize;
-    large.then(|| build_obvhs(boxes)).flatten().unwrap_or_else(|| build_sweep(boxes, MAX_LEAF))
+    large.then(|| build_obvhs(boxes, max_leaf)).flatten().unwrap_or_else(|| build_sweep(boxes, max_leaf))
 }
 
 /// Builds a tree over instance boxes, with leaves of one.
@@ -44,7 +53,7 @@ pub fn build_top(boxes: &[Bounds]) -> Tree {
     build_sweep(boxes, 1)
 }
 
-fn build_obvhs(boxes: &[Bounds]) -> Option<Tree> {
+fn build_obvhs(boxes: &[Bounds], max_leaf: u32) -> Option<Tree> {
     let aabbs: Vec<_> = boxes
         .iter()
         .map(|b| obvhs::aabb::Aabb { min: b.min.to_array().into(), max: b.max.to_array().into() })
@@ -63,7 +72,9 @@ fn build_obvhs(boxes: &[Bounds]) -> Option<Tree> {
     let effort = params.reinsertion_batch_ratio.min(100_000.0 / boxes.len() as f32);
     let mut optimizer = ReinsertionOptimizer::default();
     optimizer.run(&mut bvh, effort, None);
-    collapse(&mut bvh, MAX_LEAF, params.collapse_traversal_cost);
+    if max_leaf > 1 {
+        collapse(&mut bvh, max_leaf, params.collapse_traversal_cost);
+    }
     optimizer.run(&mut bvh, effort * params.post_collapse_reinsertion_batch_ratio_multiplier, None);
 
     let mut tree = Tree { nodes: Vec::new(), order: Vec::with_capacity(boxes.len()) };
@@ -75,7 +86,7 @@ fn build_obvhs(boxes: &[Bounds]) -> Option<Tree> {
             let parent: &mut TreeNode = &mut tree.nodes[parent as usize];
             *(if second { &mut parent.second } else { &mut parent.first }) = index;
         }
-        if index as usize > 2 * boxes.len() || node.prim_count > MAX_LEAF {
+        if index as usize > 2 * boxes.len() || node.prim_count > max_leaf {
             return None;
         }
         let first = tree.order.len() as u32;
@@ -184,6 +195,12 @@ impl Tree {
 /// The run of triangles, or the instance, that a leaf holds. Empty in an inner node.
 pub fn leaf(node: &BvhNode) -> std::ops::Range<u32> {
     node.leaf >> 3..(node.leaf >> 3) + (node.leaf & 7)
+}
+
+/// The children of inner node `index` of a tree whose first node has the number `root`.
+pub fn children(nodes: &[BvhNode], index: usize, root: u32) -> [usize; 2] {
+    let left = index + 1;
+    [left, (nodes[left].next - root) as usize]
 }
 
 /// Checks the tree from `root` on. All boxes are inside those above them. Returns its leaves, and the index

@@ -72,7 +72,7 @@ impl CompleteScene {
         let [a, b] = [a, b].map(|time| {
             let state = self.at(time);
             let places: Vec<_> = state.instances.instances.iter().map(|instance| instance.object_to_world).collect();
-            let shapes: Vec<_> = state.instances.patches.into_iter().map(|patch| patch.triangles).collect();
+            let shapes: Vec<_> = state.instances.poses.into_iter().map(|pose| pose.now).collect();
             (places, shapes, state.camera)
         });
         a == b

@@ -1,14 +1,16 @@
-//! Meshes that change their shape: skins and morph targets. On the CPU, once a frame, for each placed mesh.
+//! Meshes that change their shape: skins and morph targets.
 //!
 //! A deforming mesh has triangles, vertices and a bottom level of its own for each placement, behind all rigid
-//! ones. Every frame its vertices are posed and the boxes of its tree are fitted to them again.
+//! ones. Each frame the pass `deform` poses its vertices on the device. [`Deform::pose`] does the same on the CPU,
+//! for whoever needs a shape without a renderer.
 
-use super::{
-    bounds::Bounds,
-    bvh,
-    model::{Mesh, Rig},
-    packed::{BvhNode, PackedScene, TriangleGeometry, Vertex},
-};
+mod outline;
+mod placed;
+
+pub use outline::Outline;
+pub use placed::{Patch, Placed, Pose, patched};
+
+use super::model::Rig;
 use glam::{Affine3A, Mat3, Mat4, Vec3};
 use rayon::prelude::*;
 
@@ -57,6 +59,22 @@ impl Skin {
     }
 }
 
+/// What poses a deforming mesh at one time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Stance {
+    /// For each joint of the skin the matrix from the mesh's space to the model's.
+    pub joints: Vec<Mat4>,
+    /// The weights of the morph targets. One that is missing is 0.
+    pub weights: Vec<f32>,
+}
+
+impl Stance {
+    /// Returns the matrix of a joint. One that the skin does not have changes nothing.
+    pub fn joint(&self, joint: usize) -> Mat4 {
+        self.joints.get(joint).copied().unwrap_or(Mat4::IDENTITY)
+    }
+}
+
 /// The posed vertices of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Posed {
@@ -68,168 +86,54 @@ pub struct Posed {
 }
 
 impl Deform {
-    /// Poses all vertices. `nodes` are node-to-model matrices, and `weights` those of the targets.
-    pub fn pose(&self, nodes: &[Affine3A], weights: &[f32]) -> Posed {
-        let mut posed = Posed { positions: self.positions.clone(), normals: self.normals.clone(), turns: Vec::new() };
-        for (target, weight) in self.targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
-            posed.positions.iter_mut().zip(&target.positions).for_each(|(to, by)| *to += *weight * *by);
-            posed.normals.iter_mut().zip(&target.normals).for_each(|(to, by)| *to += *weight * *by);
-        }
-        let Some(skin) = &self.skin else { return posed };
-        let joints = skin.matrices(nodes);
-        let matrix = |influences: &Influences| {
-            influences.iter().fold(Mat4::ZERO, |sum, (joint, weight)| {
-                sum + joints.get(usize::from(*joint)).copied().unwrap_or(Mat4::IDENTITY) * *weight
-            })
+    /// Returns what poses it in a model: at a time of a clip, or at rest.
+    pub fn stance(&self, rig: &Rig, clip: Option<(usize, f64)>) -> Stance {
+        self.stance_among(&rig.node_matrices(clip), rig, clip)
+    }
+
+    /// The same, if `nodes` are the rig's node-to-model matrices at that time.
+    pub fn stance_among(&self, nodes: &[Affine3A], rig: &Rig, clip: Option<(usize, f64)>) -> Stance {
+        let joints = self.skin.as_ref().map_or(Vec::new(), |skin| skin.matrices(nodes));
+        Stance { joints, weights: rig.weights(self.weights_of, clip).into_owned() }
+    }
+
+    /// Poses all vertices.
+    pub fn pose(&self, stance: &Stance) -> Posed {
+        let vertices = || (0..self.positions.len()).into_par_iter();
+        let positions = vertices().map(|vertex| self.position(vertex, stance)).collect();
+        let turns: Vec<_> = match self.skin {
+            Some(_) => vertices().map(|vertex| Mat3::from_mat4(self.matrix(vertex, stance))).collect(),
+            None => Vec::new(),
         };
-        let matrices: Vec<Mat4> = self.influences.par_iter().map(matrix).collect();
-        posed.positions.iter_mut().zip(&matrices).for_each(|(to, matrix)| *to = matrix.transform_point3(*to));
-        posed.turns = matrices.iter().map(|matrix| Mat3::from_mat4(*matrix)).collect();
-        for (normal, turn) in posed.normals.iter_mut().zip(&posed.turns) {
+        let mut normals = self.normals.clone();
+        for (target, weight) in self.targets.iter().zip(&stance.weights).filter(|(_, weight)| **weight != 0.0) {
+            normals.iter_mut().zip(&target.normals).for_each(|(to, by)| *to += *weight * *by);
+        }
+        for (normal, turn) in normals.iter_mut().zip(&turns) {
             // The cofactors turn normals as the transposed inverse does, and exist for flat matrices, too.
             let [x, y, z] = [turn.x_axis, turn.y_axis, turn.z_axis];
             let turned = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * *normal;
             *normal = turned * turn.determinant().signum();
         }
-        posed
-    }
-}
-
-/// A placed mesh that deforms: where its packed arrays are, and what each entry comes from.
-#[derive(Clone, Debug)]
-pub struct Placed {
-    /// The mesh in the model.
-    pub mesh: usize,
-    pub first_triangle: u32,
-    pub first_vertex: u32,
-    pub root: u32,
-    /// The corners of each packed triangle in the mesh.
-    corners: Vec<[u32; 3]>,
-    /// The packed vertices and nodes in the rest pose.
-    vertices: Vec<Vertex>,
-    nodes: Vec<BvhNode>,
-    /// The inverse of what the rest pose turned tangents by.
-    unturn: Vec<Mat3>,
-}
-
-/// What a deforming mesh is at one time, to be put over the packed arrays.
-#[derive(Clone, Debug, Default)]
-pub struct Patch {
-    pub first_triangle: u32,
-    pub triangles: Vec<TriangleGeometry>,
-    /// The same triangles a frame ago.
-    pub previous: Vec<TriangleGeometry>,
-    pub first_vertex: u32,
-    pub vertices: Vec<Vertex>,
-    pub first_node: u32,
-    pub nodes: Vec<BvhNode>,
-    /// The longest way that a vertex has gone since, object space.
-    pub step: f32,
-}
-
-impl Patch {
-    /// Returns the box around it, object space.
-    pub fn bounds(&self) -> Bounds {
-        self.nodes.first().map_or(Bounds::EMPTY, |root| Bounds { min: root.min, max: root.max })
-    }
-}
-
-/// Puts patches over packed arrays.
-pub fn patched(scene: &PackedScene, patches: &[Patch]) -> PackedScene {
-    let mut scene = scene.clone();
-    for patch in patches {
-        scene.triangles[patch.first_triangle as usize..][..patch.triangles.len()].copy_from_slice(&patch.triangles);
-        scene.vertices[patch.first_vertex as usize..][..patch.vertices.len()].copy_from_slice(&patch.vertices);
-        scene.nodes[patch.first_node as usize..][..patch.nodes.len()].copy_from_slice(&patch.nodes);
-    }
-    scene
-}
-
-impl Placed {
-    /// Notes where a mesh has been packed last. `corners` are those of each packed triangle in the mesh.
-    pub fn new(scene: &PackedScene, mesh: usize, [triangle, vertex, root]: [u32; 3], corners: Vec<[u32; 3]>) -> Self {
-        Self {
-            mesh,
-            first_triangle: triangle,
-            first_vertex: vertex,
-            root,
-            corners,
-            vertices: scene.vertices[vertex as usize..].to_vec(),
-            nodes: scene.nodes[root as usize..].to_vec(),
-            unturn: Vec::new(),
-        }
+        Posed { positions, normals, turns }
     }
 
-    /// Takes down how the rest pose, in which the mesh was packed, turns its tangents.
-    pub fn resting(mut self, mesh: &Mesh, rig: &Rig) -> Self {
-        if let Some(deform) = &mesh.deform {
-            let posed = deform.pose(&rig.node_matrices(None), &rig.weights(deform.weights_of, None));
-            let inverse = |turn: &Mat3| if turn.determinant().abs() > 1e-20 { turn.inverse() } else { Mat3::IDENTITY };
-            self.unturn = posed.turns.iter().map(inverse).collect();
-        }
-        self
-    }
-
-    /// Returns the mesh as it is with these matrices and weights now and before.
-    pub fn patch(&self, mesh: &Mesh, now: (&[Affine3A], &[f32]), before: (&[Affine3A], &[f32])) -> Option<Patch> {
-        let deform = mesh.deform.as_ref()?;
-        let posed = deform.pose(now.0, now.1);
-        let earlier = if now == before { None } else { Some(deform.pose(before.0, before.1)) };
-        let triangle = |positions: &[Vec3], corners: &[u32; 3]| {
-            let [v0, v1, v2] = corners.map(|corner| positions[corner as usize]);
-            TriangleGeometry { v0, e1: v1 - v0, e2: v2 - v0 }
+    /// Poses the position of one vertex.
+    pub fn position(&self, vertex: usize, stance: &Stance) -> Vec3 {
+        let moved = self.targets.iter().zip(&stance.weights).filter(|(_, weight)| **weight != 0.0);
+        let add = |sum: Vec3, (target, weight): (&Target, &f32)| {
+            sum + *weight * target.positions.get(vertex).copied().unwrap_or_default()
         };
-        let triangles: Vec<_> = self.corners.iter().map(|corners| triangle(&posed.positions, corners)).collect();
-        let previous = match &earlier {
-            Some(earlier) => self.corners.iter().map(|corners| triangle(&earlier.positions, corners)).collect(),
-            None => triangles.clone(),
-        };
-        let moved = |earlier: &Posed| {
-            posed.positions.iter().zip(&earlier.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max)
-        };
-        let step = earlier.as_ref().map_or(0.0, moved);
-        let mut vertices = self.vertices.clone();
-        if deform.normals.is_empty() {
-            for (corners, triangle) in self.corners.iter().zip(&triangles) {
-                let normal = triangle.e1.cross(triangle.e2).normalize_or(Vec3::Y);
-                corners.iter().for_each(|corner| vertices[*corner as usize].normal = normal);
-            }
-        } else {
-            for (vertex, normal) in vertices.iter_mut().zip(&posed.normals) {
-                vertex.normal = normal.normalize_or(vertex.normal);
-            }
-        }
-        for ((vertex, turn), unturn) in vertices.iter_mut().zip(&posed.turns).zip(&self.unturn) {
-            let [x, y, z, sign] = vertex.tangent;
-            let along = (*turn * (*unturn * Vec3::new(x, y, z))).normalize_or_zero();
-            vertex.tangent = along.extend(sign).to_array();
-        }
-        let nodes = self.fitted(&triangles);
-        let [first_triangle, first_vertex, first_node] = [self.first_triangle, self.first_vertex, self.root];
-        Some(Patch { first_triangle, triangles, previous, first_vertex, vertices, first_node, nodes, step })
+        let position = moved.fold(self.positions[vertex], add);
+        if self.skin.is_some() { self.matrix(vertex, stance).transform_point3(position) } else { position }
     }
 
-    /// Returns the tree with its boxes around these triangles. Its leaves stay.
-    fn fitted(&self, triangles: &[TriangleGeometry]) -> Vec<BvhNode> {
-        let mut nodes = self.nodes.clone();
-        // Nodes are in depth-first order, so children come after their parent.
-        for index in (0..nodes.len()).rev() {
-            let bounds = if nodes[index].leaf != 0 {
-                let run = bvh::leaf(&nodes[index]);
-                let own = run.map(|triangle| &triangles[(triangle - self.first_triangle) as usize]);
-                Bounds::of(own.flat_map(|t| [t.v0, t.v0 + t.e1, t.v0 + t.e2])).padded()
-            } else {
-                let [left, right] = children(&nodes, index, self.root);
-                let of = |node: &BvhNode| Bounds { min: node.min, max: node.max };
-                of(&nodes[left]).union(of(&nodes[right]))
-            };
-            (nodes[index].min, nodes[index].max) = (bounds.min, bounds.max);
+    /// The mean of the matrices of a vertex's joints, by their weights.
+    fn matrix(&self, vertex: usize, stance: &Stance) -> Mat4 {
+        let influences = self.influences.get(vertex).map_or(&[][..], |own| own);
+        if influences.is_empty() {
+            return Mat4::IDENTITY;
         }
-        nodes
+        influences.iter().fold(Mat4::ZERO, |sum, (joint, weight)| sum + stance.joint(usize::from(*joint)) * *weight)
     }
-}
-
-fn children(nodes: &[BvhNode], index: usize, root: u32) -> [usize; 2] {
-    let left = index + 1;
-    [left, (nodes[left].next - root) as usize]
 }

@@ -86,11 +86,8 @@ pub fn light_table(scene: &PackedScene, state: &PackedInstances) -> SceneLights 
 
 /// Returns a triangle as it is now.
 fn shape(scene: &PackedScene, state: &PackedInstances, triangle: u32) -> TriangleGeometry {
-    let patch = state
-        .patches
-        .iter()
-        .find_map(|patch| patch.triangles.get(triangle.checked_sub(patch.first_triangle)? as usize));
-    patch.copied().unwrap_or(scene.triangles[triangle as usize])
+    let posed = state.poses.iter().find_map(|pose| pose.triangle(triangle));
+    posed.unwrap_or(scene.triangles[triangle as usize])
 }
 
 fn luminance(color: Vec3) -> f32 {

@@ -1,6 +1,9 @@
 //! What has moved since the last frame, and how far.
 
-use super::packed::{BvhNode, Instance, Mover, NONE, PackedInstances, PackedScene, Punctual};
+use super::{
+    bounds::Bounds,
+    packed::{BvhNode, Instance, Mover, NONE, PackedInstances, PackedScene, Punctual},
+};
 use glam::{Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -8,7 +11,7 @@ use std::collections::HashMap;
 /// tell.
 #[derive(Clone, Debug, Default)]
 pub struct Movers {
-    before: HashMap<u32, Instance>,
+    before: HashMap<u32, (Instance, Bounds)>,
     lights: Option<Vec<Punctual>>,
 }
 
@@ -32,16 +35,18 @@ impl Movers {
         let mut movers = Vec::new();
         for instance in &mut state.instances {
             let known = before.remove(&instance.id);
-            if let Some(known) = known {
+            if let Some((known, _)) = known {
                 instance.previous_object_to_world = known.object_to_world;
             }
             let came = known.is_none() && !first;
+            let pose = state.poses.iter().find(|pose| pose.placed.root == instance.root);
+            let bounds = pose.map_or_else(|| at_rest(packed, instance), |pose| pose.bounds);
             if came || instance.step > 0.0 || instance.object_to_world != instance.previous_object_to_world {
-                movers.extend(mover(packed, instance, came, centre, unit));
+                movers.extend(mover(packed, (instance, bounds), came, centre, unit));
             }
-            self.before.insert(instance.id, *instance);
+            self.before.insert(instance.id, (*instance, bounds));
         }
-        movers.extend(before.values().filter_map(|gone| mover(packed, gone, true, centre, unit)));
+        movers.extend(before.values().filter_map(|(gone, bounds)| mover(packed, (gone, *bounds), true, centre, unit)));
         movers.extend(self.moved_lights(&state.lights, centre, unit));
         movers
     }
@@ -59,15 +64,25 @@ impl Movers {
     }
 }
 
+/// The box of a mesh that keeps its shape, object space.
+fn at_rest(packed: &PackedScene, instance: &Instance) -> Bounds {
+    packed.nodes.get(instance.root as usize).map_or(Bounds::EMPTY, |root| Bounds { min: root.min, max: root.max })
+}
+
 /// Returns spheres around an instance now and before. What came or went counts as having moved by its own size.
-fn mover(packed: &PackedScene, instance: &Instance, whole: bool, centre: Vec3, unit: f32) -> Option<Mover> {
-    let root = packed.nodes.get(instance.root as usize)?;
-    let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|k| {
-        let pick = |axis: usize| if k >> axis & 1 == 0 { root.min[axis] } else { root.max[axis] };
-        Vec3::new(pick(0), pick(1), pick(2))
-    });
+fn mover(
+    packed: &PackedScene,
+    (instance, bounds): (&Instance, Bounds),
+    whole: bool,
+    centre: Vec3,
+    unit: f32,
+) -> Option<Mover> {
+    if bounds.is_empty() {
+        return None;
+    }
+    let corners = bounds.corners();
     let [now, before] = [instance.object_to_world, instance.previous_object_to_world];
-    let middle = 0.5 * (root.min + root.max);
+    let middle = bounds.center();
     let [at, was] = [transform(&now, middle), transform(&before, middle)];
     let reach = |rows, middle: Vec3| corners.iter().map(|c| transform(rows, *c).distance(middle)).fold(0.0, f32::max);
     let radius = reach(&now, at).max(reach(&before, was)).max(1e-4);

@@ -11,6 +11,7 @@ use super::{
 };
 use crate::{Error, Result};
 use glam::{Vec3, Vec4};
+use std::sync::Arc;
 
 /// The most texels of all textures: 128 MiB, the largest storage buffer that every Vulkan device allows.
 /// Beyond it the largest textures lose their finest levels.
@@ -113,14 +114,16 @@ impl Packed {
         number: usize,
         model: &Model,
         mesh: usize,
-    ) -> Result<Option<(PackedMesh, deform::Placed)>> {
+    ) -> Result<Option<(PackedMesh, Arc<deform::Placed>)>> {
         let scene = &mut self.scene;
         let first = [scene.triangles.len() as u32, scene.vertices.len() as u32];
         let (packed, corners, _) = pack_mesh(scene, &model.meshes[mesh], self.first_materials[number]);
         let Some(packed) = packed else { return Ok(None) };
-        let placed = deform::Placed::new(&self.scene, mesh, [first[0], first[1], packed.root], corners);
+        let from = (mesh, &model.meshes[mesh], &model.rig);
+        let placed = deform::Placed::new(&self.scene, from, [first[0], first[1], packed.root], corners).map(Arc::new);
+        self.scene.deforming.extend(placed.clone());
         self.check_room(model)?;
-        Ok(Some((packed, placed.resting(&model.meshes[mesh], &model.rig))))
+        Ok(placed.map(|placed| (packed, placed)))
     }
 }
 

@@ -1,9 +1,13 @@
 //! The scene as the shaders read it (scalar block layout): triangles in BVH leaf order, a two-level BVH,
 //! materials, texels. `shaders/glsl/scene.glsl` declares the same structs.
 
-use super::{deform::Patch, material::SLOTS};
+use super::{
+    deform::{self, Pose},
+    material::SLOTS,
+};
 use crate::gpu_struct;
 use glam::{Vec2, Vec3};
+use std::sync::Arc;
 
 /// Stands for "none" in texture and node indices.
 pub const NONE: u32 = u32::MAX;
@@ -60,7 +64,7 @@ gpu_struct! {
         pub id: u32,
         /// [`PackedScene::first_deformed`] if its triangles change their shape, else [`NONE`].
         pub previous: u32,
-        /// The longest way that one of its vertices has gone by that since the last frame, object space.
+        /// How far one of its vertices has gone by that since the last frame at most, object space.
         pub step: f32,
     }
 }
@@ -166,6 +170,8 @@ pub struct PackedScene {
     pub texels: Vec<u32>,
     /// The first triangle of the meshes that change their shape. They come last, in all arrays.
     pub first_deformed: u32,
+    /// These meshes, in their order.
+    pub deforming: Vec<Arc<deform::Placed>>,
 }
 
 /// What changes from frame to frame: the instances and the top-level BVH over them, which is empty without
@@ -176,6 +182,6 @@ pub struct PackedInstances {
     pub nodes: Vec<BvhNode>,
     /// The lights without a surface of all objects.
     pub lights: Vec<Punctual>,
-    /// What has changed its shape: all meshes from [`PackedScene::first_deformed`] on, in their order.
-    pub patches: Vec<Patch>,
+    /// What poses [`PackedScene::deforming`], in their order.
+    pub poses: Vec<Pose>,
 }

@@ -5,14 +5,14 @@ use super::{
     bounds::Bounds,
     bvh,
     camera::{Camera, CameraTrack},
-    deform::{self, Patch},
+    deform::{self, Pose},
     file::RenderSettings,
     model::Model,
     pack::{PackedMesh, pack},
-    packed::{Instance, NONE, PackedInstances, PackedScene},
+    packed::{BvhNode, Instance, NONE, PackedInstances, PackedScene},
 };
 use crate::{Result, panorama::source::PanoramaSource};
-use glam::Affine3A;
+use glam::{Affine3A, Mat4, Vec4};
 use std::{path::PathBuf, sync::Arc};
 
 /// A model placed in the world.
@@ -50,7 +50,7 @@ pub(super) struct Placed {
     /// Node, its mesh, and the instance's id.
     pub instances: Vec<(usize, PackedMesh, u32)>,
     /// Which of the instances deform.
-    pub deforming: Vec<(usize, deform::Placed)>,
+    pub deforming: Vec<(usize, Arc<deform::Placed>)>,
 }
 
 /// A scene at one time.
@@ -188,18 +188,18 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
     let mut instances = Vec::new();
     let mut boxes = Vec::new();
     let mut lights = Vec::new();
-    let mut patches = Vec::new();
+    let mut poses = Vec::new();
     for placed in objects {
-        let first_patch = patches.len();
-        patches.extend(placed.patches(time_seconds, previous_time));
+        let first_pose = poses.len();
+        poses.extend(placed.poses(time_seconds, previous_time));
         let first_deformed = objects.iter().find_map(|placed| placed.deforming.first()).map(|(_, d)| d.first_triangle);
         let now = placed.matrices(time_seconds);
         lights.extend(placed.object.model.lights.iter().map(|light| light.pack(&now[light.node])));
         let before = if previous_time == time_seconds { now.clone() } else { placed.matrices(previous_time) };
         for (index, &(node, mesh, id)) in placed.instances.iter().enumerate() {
             let own = placed.deforming.iter().position(|(instance, _)| *instance == index);
-            let patch = own.and_then(|own| patches.get(first_patch + own));
-            let bounds = patch.map_or(mesh.bounds, Patch::bounds);
+            let pose = own.and_then(|own| poses.get(first_pose + own));
+            let bounds = pose.map_or(mesh.bounds, |pose| pose.bounds);
             let Some(to_world) = made_invertible(&now[node]) else { continue };
             let previous = if before[node].is_finite() { before[node] } else { to_world };
             instances.push(Instance {
@@ -208,15 +208,36 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
                 previous_object_to_world: rows(&previous),
                 root: mesh.root,
                 id,
-                previous: patch.and(first_deformed).unwrap_or(NONE),
-                step: patch.map_or(0.0, |patch| patch.step),
+                previous: pose.and(first_deformed).unwrap_or(NONE),
+                step: pose.map_or(0.0, |pose| pose.step),
             });
             boxes.push(bounds.transformed(&to_world).padded());
         }
     }
-    let tree = bvh::build_top(&boxes);
-    let nodes = tree.pack(0, |first| tree.order[first as usize]);
-    PackedInstances { instances, nodes, lights, patches }
+    PackedInstances { instances, nodes: top_level(&boxes), lights, poses }
+}
+
+fn top_level(boxes: &[Bounds]) -> Vec<BvhNode> {
+    let tree = bvh::build_top(boxes);
+    tree.pack(0, |first| tree.order[first as usize])
+}
+
+impl PackedInstances {
+    /// Lets the meshes that change their shape stand in their rest pose.
+    pub fn rest(&mut self, packed: &PackedScene) {
+        if self.poses.is_empty() {
+            return;
+        }
+        self.poses.clear();
+        self.instances.iter_mut().for_each(|instance| (instance.previous, instance.step) = (NONE, 0.0));
+        let at_rest = |instance: &Instance| {
+            let root = &packed.nodes[instance.root as usize];
+            let [x, y, z] = instance.object_to_world.map(Vec4::from);
+            let rows = Mat4::from_cols(x, y, z, Vec4::W).transpose();
+            Bounds { min: root.min, max: root.max }.transformed(&Affine3A::from_mat4(rows)).padded()
+        };
+        self.nodes = top_level(&self.instances.iter().map(at_rest).collect::<Vec<_>>());
+    }
 }
 
 impl Placed {
@@ -227,30 +248,28 @@ impl Placed {
         nodes.into_iter().map(|node| world * node).collect()
     }
 
-    /// Returns its deforming meshes at a time, with their motion since another.
-    fn patches(&self, time: f64, previous: f64) -> Vec<Patch> {
+    /// Returns what poses its deforming meshes at a time, and what posed them at another.
+    fn poses(&self, time: f64, previous: f64) -> Vec<Pose> {
         if self.deforming.is_empty() {
             return Vec::new();
         }
         let Object { model, clip, speed, .. } = &self.object;
-        let [now, before] = [time, previous].map(|time| clip.map(|clip| (clip, time * speed)));
-        let [now_nodes, before_nodes] = [now, before].map(|clip| model.rig.node_matrices(clip));
-        let patch = |(_, deform): &(usize, deform::Placed)| {
-            let mesh = &model.meshes[deform.mesh];
-            let weights_of = mesh.deform.as_ref()?.weights_of;
-            let [now, before] = [now, before].map(|clip| model.rig.weights(weights_of, clip));
-            deform.patch(mesh, (&now_nodes, &now), (&before_nodes, &before))
+        let times = [time, previous].map(|time| clip.map(|clip| (clip, time * speed)));
+        let nodes = times.map(|clip| model.rig.node_matrices(clip));
+        let pose = |(_, placed): &(usize, Arc<deform::Placed>)| {
+            let [now, before] = [0, 1].map(|at| placed.deform.stance_among(&nodes[at], &model.rig, times[at]));
+            Pose::new(placed, now, before)
         };
-        self.deforming.iter().filter_map(patch).collect()
+        self.deforming.iter().map(pose).collect()
     }
 
     /// Returns the world box of all its instances, metres.
     pub(super) fn bounds(&self, time: f64) -> Bounds {
-        let (matrices, patches) = (self.matrices(time), self.patches(time, time));
+        let (matrices, poses) = (self.matrices(time), self.poses(time, time));
         let own = |index: usize| self.deforming.iter().position(|(instance, _)| *instance == index);
         let boxes = self.instances.iter().enumerate().map(|(index, (node, mesh, _))| {
-            let patch = own(index).and_then(|own| patches.get(own));
-            patch.map_or(mesh.bounds, Patch::bounds).transformed(&matrices[*node])
+            let pose = own(index).and_then(|own| poses.get(own));
+            pose.map_or(mesh.bounds, Pose::posed_bounds).transformed(&matrices[*node])
         });
         boxes.fold(Bounds::EMPTY, Bounds::union)
     }

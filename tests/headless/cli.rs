@@ -187,6 +187,7 @@ fn bench_writes_its_schema() {
     assert_eq!(
         names,
         [
+            "deform",
             "acceleration",
             "radiance_pyramid",
             "normals",
@@ -215,8 +216,16 @@ fn bench_writes_its_schema() {
         }
         // everything stands still, and the panorama is nowhere finer than the picture; what is not traced has a
         // history
-        let idle =
-            ["acceleration", "radiance_pyramid", "normals", "depth_pyramid", "light_table", "gbuffer", "interpolate"];
+        let idle = [
+            "deform",
+            "acceleration",
+            "radiance_pyramid",
+            "normals",
+            "depth_pyramid",
+            "light_table",
+            "gbuffer",
+            "interpolate",
+        ];
         let once = idle.contains(&pass["name"].as_str().expect("a name"));
         assert_eq!(pass["off"].is_string(), once, "{pass}");
     }

@@ -156,23 +156,23 @@ fn skins_and_morph_targets_deform() {
         let rest = model.meshes.iter().map(|mesh| mesh.positions.len()).sum::<usize>();
         let scene = scene_of(model);
         let (start, later) = (scene.at(0.0, 0.0).instances, scene.at(time, time - 0.05).instances);
-        assert!(!later.patches.is_empty() && rest > 0, "{file}");
-        for (before, patch) in start.patches.iter().zip(&later.patches) {
-            assert!(before.triangles != patch.triangles && before.step == 0.0, "{file} does not move");
-            assert!(patch.step > 0.0 && patch.triangles != patch.previous, "{file} has no motion");
-            // The previous shape is that of the time before.
-            let earlier = scene.at(time - 0.05, time - 0.05).instances;
-            let same = earlier.patches.iter().any(|earlier| earlier.triangles == patch.previous);
-            assert!(same, "{file}");
-            assert!(patch.vertices.iter().all(|vertex| (vertex.normal.length() - 1.0).abs() < 1e-3), "{file}");
+        assert!(!later.poses.is_empty() && rest > 0, "{file}");
+        // The shape before is that of the time before.
+        let earlier = scene.at(time - 0.05, time - 0.05).instances;
+        for ((start, pose), earlier) in start.poses.iter().zip(&later.poses).zip(&earlier.poses) {
+            let [at_first, before, now] = [start, earlier, pose].map(|pose| pose.patch());
+            assert!(at_first.triangles != now.triangles && start.step == 0.0, "{file} does not move");
+            assert!(pose.step > 0.0 && now.triangles != before.triangles, "{file} has no motion");
+            assert_eq!(pose.before, earlier.now, "{file}");
+            assert!(now.vertices.iter().all(|vertex| (vertex.normal.length() - 1.0).abs() < 1e-3), "{file}");
         }
-        bvh::check(&iprt::scene::deform::patched(&scene.packed, &later.patches)).expect("a valid bottom level");
+        bvh::check(&iprt::scene::deform::patched(&scene.packed, &later.poses)).expect("a valid bottom level");
         bvh::check_top(&scene.packed, &later).expect("a valid top level");
         // What is at rest stands where it did when it was loaded.
         let mut still = scene.objects().next().expect("one").clone();
         still.clip = None;
         let still = scene.with_objects(&[still]).expect("packs");
-        assert!(still.at(1.0, 0.5).instances.patches.is_empty() && !still.packed.triangles.is_empty());
+        assert!(still.at(1.0, 0.5).instances.poses.is_empty() && !still.packed.triangles.is_empty());
     }
 }
 

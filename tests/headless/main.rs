@@ -18,6 +18,7 @@ mod common;
 mod compare;
 mod converged;
 mod cubes;
+mod deform;
 mod devices;
 mod docs;
 mod drift;

@@ -203,7 +203,8 @@ fn every_barrier_is_needed() {
         for pass in iprt::passes::PASSES {
             let planned = (pass.dispatches)(renderer.plan()) > 0;
             assert_eq!(timings.pass(pass.name).is_some(), planned, "{}", pass.name);
-            assert!(planned || pass.name == "acceleration", "{} was among them", pass.name);
+            // These have barriers of their own tests.
+            assert!(planned || ["deform", "acceleration"].contains(&pass.name), "{} was among them", pass.name);
         }
     });
 }

@@ -282,7 +282,7 @@ impl Part {
 
     /// Puts the vertices where they are at rest.
     fn rest(&mut self, deform: Deform, model: &Model) {
-        let posed = deform.pose(&model.rig.node_matrices(None), &model.rig.weights(deform.weights_of, None));
+        let posed = deform.pose(&deform.stance(&model.rig, None));
         (self.positions, self.normals) = (posed.positions, posed.normals);
         for (tangent, turn) in self.tangents.iter_mut().zip(&posed.turns) {
             let [x, y, z, sign] = *tangent;
