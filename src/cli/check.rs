@@ -38,6 +38,9 @@ pub struct Args {
     pub device: DeviceArgs,
 }
 
+/// The most problems that are printed.
+const MOST: usize = 100;
+
 /// Prints what was measured, and each problem and each warning on a line of its own.
 ///
 /// # Errors
@@ -67,8 +70,12 @@ pub fn run(args: &Args) -> Result<()> {
     }
     warnings::tell(&found);
     let last = examined.problems.pop();
-    for problem in &examined.problems {
+    // A file that is something else has one in each line.
+    for problem in examined.problems.iter().take(MOST) {
         super::say(&format!("error: {problem}"));
+    }
+    if let Some(more @ 1..) = examined.problems.len().checked_sub(MOST) {
+        super::say(&format!("error: {}: {more} more problems; mend these first", args.scene));
     }
     match last {
         Some(last) => Err(last),

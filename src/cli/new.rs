@@ -12,9 +12,10 @@ use crate::{
         cube,
         depth::box_depth,
         guess::{self, Guess},
+        level::rotation,
         packing::packed_codes,
         preset::{PRESETS, Preset},
-        room::{Level, level},
+        room::{Level, level, levelling},
         source::PanoramaFrame,
         stream::first_picture,
     },
@@ -183,7 +184,11 @@ fn scene_text(args: &Args, panorama: &Picture, depth: &Depth, models: &[&PathBuf
             (depth_size, box_depth(depth_size, Vec3::new(6.0, 2.7, 6.0), center, 0.0))
         }
     };
-    let cloud = Cloud::of(&PanoramaFrame { depth_size, depth: metres, ..Default::default() }, 0.0);
+    let mut cloud = Cloud::of(&PanoramaFrame { depth_size, depth: metres, ..Default::default() }, 0.0);
+    let levelling = levelling(&cloud);
+    if let Some([pitch, roll]) = levelling {
+        cloud = cloud.turned(rotation(pitch, roll));
+    }
     let floor = level(&cloud, true);
     let height = floor.map_or(args.height as f32, |floor| floor.distance);
     let spot = free_spot(&cloud, floor, height);
@@ -219,6 +224,9 @@ fn scene_text(args: &Args, panorama: &Picture, depth: &Depth, models: &[&PathBuf
         if guess.rule.offset != 0.0 {
             let _ = writeln!(out, "offset = {}  # walls are flattest so", guess.rule.offset);
         }
+    }
+    if let Some([pitch, roll]) = levelling {
+        let _ = writeln!(out, "# The camera was tilted: this makes the floor level.\npitch = {pitch}\nroll = {roll}");
     }
     let found = if floor.is_some() { "the floor that was found is" } else { "no floor was found; it is taken for" };
     let _ = writeln!(out, "position = [0, {height:.3}, 0]  # {found} y = 0");

@@ -96,8 +96,32 @@ fn numbers(bytes: &[u8], kind: &str, count: usize) -> std::result::Result<Sample
     })
 }
 
+/// What the header of an NPY says.
+struct Npy {
+    kind: String,
+    shape: Vec<usize>,
+    by_columns: bool,
+    /// Where the numbers begin, and how many there are.
+    start: usize,
+    count: usize,
+}
+
+impl Npy {
+    /// How many bytes the file has, by its header.
+    fn length(&self) -> u64 {
+        let size: u64 = self.kind.get(2..).and_then(|size| size.parse().ok()).unwrap_or(8);
+        (self.count as u64).saturating_mul(size).saturating_add(self.start as u64)
+    }
+}
+
 /// NumPy's format, version 1 to 3: a header that is a Python dictionary, and the numbers.
 fn npy(bytes: &[u8]) -> Decoded {
+    let Npy { kind, shape, by_columns, start, count } = npy_header(bytes)?;
+    let samples = numbers(&bytes[start..], &kind, count)?;
+    shaped(&shape, if by_columns { by_rows(samples, &shape) } else { samples })
+}
+
+fn npy_header(bytes: &[u8]) -> std::result::Result<Npy, String> {
     let short = || "its header ends early".to_owned();
     let length = |range: std::ops::Range<usize>| {
         bytes.get(range).map(|b| b.iter().rev().fold(0_usize, |value, byte| (value << 8) | usize::from(*byte)))
@@ -118,9 +142,8 @@ fn npy(bytes: &[u8]) -> Decoded {
     let shape: Vec<usize> = shape.split(',').filter_map(|side| side.trim().parse().ok()).collect();
     let count = shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
     let count = count.ok_or_else(|| format!("its shape is {shape:?}"))?;
-    let samples = numbers(&bytes[end..], kind, count)?;
     let by_columns = value("fortran_order").is_some_and(|text| text.starts_with("True"));
-    shaped(&shape, if by_columns { by_rows(samples, &shape) } else { samples })
+    Ok(Npy { kind: kind.to_owned(), shape, by_columns, start: end, count })
 }
 
 /// Brings numbers in Fortran's order, in which the first axis is the fastest, into that of C.
@@ -144,6 +167,14 @@ fn by_rows(samples: Samples, shape: &[usize]) -> Samples {
     }
 }
 
+/// Names in one line, and how many more there are.
+fn some_of(names: &[String]) -> String {
+    const MOST: usize = 12;
+    let more = names.len().saturating_sub(MOST);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", names[..names.len().min(MOST)].join(", "))
+}
+
 /// Of several arrays the one whose name means depth, or the only one that is an image.
 fn npz(bytes: &[u8]) -> Decoded {
     let words = |error: zip::result::ZipError| one_line(&error);
@@ -154,26 +185,52 @@ fn npz(bytes: &[u8]) -> Decoded {
         .filter(|name| name.ends_with(".npy"))
         .collect();
     let mut read = |name: &str| -> Decoded {
-        // A claim about the size is not believed.
-        let file = archive.by_name(name).map_err(words)?;
+        let mut file = archive.by_name(name).map_err(words)?;
         let mut content = Vec::new();
-        let most = budget::limit() / 3;
-        file.take(most).read_to_end(&mut content).map_err(|error| one_line(&error))?;
-        if content.len() as u64 == most {
-            return Err(budget::refusal(u64::MAX).unwrap_or_default());
+        let mut read = |content: &mut Vec<u8>, most: u64| {
+            file.by_ref().take(most).read_to_end(content).map_err(|error| one_line(&error))
+        };
+        read(&mut content, 1 << 16)?;
+        // What the archive says of sizes is not believed. An array of another shape is not read.
+        let header = npy_header(&content)?;
+        shaped(&header.shape, Samples::U8(Vec::new()))?;
+        let length = header.length();
+        if let Some(problem) = budget::refusal(length.saturating_mul(3)) {
+            return Err(problem);
         }
+        let more = length.saturating_sub(content.len() as u64);
+        read(&mut content, more)?;
         npy(&content)
     };
-    let is_depth =
-        |name: &&String| ["depth", "distance", "disparity"].iter().any(|word| name.to_lowercase().contains(word));
-    let mut order: Vec<&String> = names.iter().filter(is_depth).collect();
-    order.extend(names.iter().filter(|name| !is_depth(name)));
-    let found = order.iter().find_map(|name| Some((*name, read(name).ok().filter(|array| array.channels == 1)?)));
+    // Depth by its name, then what says nothing, then what is something else.
+    let rank = |name: &&String| {
+        let name = name.to_lowercase();
+        let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+        match () {
+            () if has(&["mask", "valid", "conf", "sky", "label", "segment", "uncertain"]) => 2,
+            () if has(&["depth", "distance", "disparity"]) => 0,
+            () => 1,
+        }
+    };
+    let mut order: Vec<&String> = names.iter().collect();
+    order.sort_by_key(rank);
+    let mut problem = None;
+    let found = order.iter().find_map(|name| match read(name) {
+        Ok(array) => Some((*name, array)).filter(|(_, array)| array.channels == 1),
+        Err(error) => {
+            problem.get_or_insert(error);
+            None
+        }
+    });
     let Some((name, mut array)) = found else {
-        return Err(format!("none of its arrays is an image of one number a pixel: {}", names.join(", ")));
+        return Err(match (names.as_slice(), problem) {
+            ([name], Some(problem)) => format!("{name}: {problem}"),
+            _ => format!("none of its arrays is an image of one number a pixel: {}", some_of(&names)),
+        });
     };
     if names.len() > 1 {
-        array.note = Some(format!("its array {name} was taken; also there: {}", names.join(", ")));
+        let others: Vec<String> = names.iter().filter(|other| *other != name).cloned().collect();
+        array.note = Some(format!("its array {name} was taken; also there: {}", some_of(&others)));
     }
     Ok(array)
 }
@@ -289,19 +346,54 @@ mod tests {
         encoder.write_image::<tiff::encoder::colortype::Gray32Float>(3, 2, &values).expect("writes");
         assert_eq!(read(&tiff.into_inner()), right);
 
-        let mut npz = zip::ZipWriter::new(Cursor::new(Vec::new()));
-        for (name, content) in [
+        let npz = npz_file(&[
             ("points.npy", npy_file("<f4", "(1, 2, 3)", &floats(&values))),
             ("depth.npy", npy_file("<f4", "(2, 3)", &floats(&values))),
-        ] {
-            npz.start_file(name, zip::write::SimpleFileOptions::default()).expect("starts");
-            npz.write_all(&content).expect("writes");
-        }
-        let npz = npz.finish().expect("ends").into_inner();
+        ]);
         assert_eq!(read(&npz), right);
         for length in 0..npz.len() {
             let _ = decode(&npz[..length], "f");
         }
+    }
+
+    fn npz_file(arrays: &[(&str, Vec<u8>)]) -> Vec<u8> {
+        let mut npz = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        for (name, content) in arrays {
+            npz.start_file(*name, zip::write::SimpleFileOptions::default()).expect("starts");
+            npz.write_all(content).expect("writes");
+        }
+        npz.finish().expect("ends").into_inner()
+    }
+
+    #[test]
+    fn an_array_that_says_what_is_known_is_no_depth() {
+        let array = |value: f32| npy_file("<f4", "(1, 2)", &floats(&[value; 2]));
+        for (names, others) in [
+            (["depth_mask.npy", "pred.npy"], "also there: depth_mask.npy"),
+            (["confidence.npy", "arr_1.npy"], "also there: confidence.npy"),
+            (["image.npy", "distance.npy"], "also there: image.npy"),
+        ] {
+            let npz = npz_file(&[(names[0], array(1.0)), (names[1], array(2.0))]);
+            let raster = decode(&npz, "f").expect("known").expect("read");
+            assert_eq!(raster.samples, Samples::F32(vec![2.0; 2]), "{names:?}");
+            assert!(raster.notes[0].ends_with(others), "{:?}", raster.notes);
+        }
+    }
+
+    #[test]
+    fn an_archive_is_not_unpacked_for_what_it_claims() {
+        let zeros = vec![0; 64 << 20];
+        let claim = |shape: &str| {
+            let npz = npz_file(&[("depth.npy", [npy_file("<f4", shape, &[]), zeros.clone()].concat())]);
+            read(&npz).expect_err("refused")
+        };
+        assert!(claim("(400000, 800000)").contains("depth.npy: would take"), "{}", claim("(400000, 800000)"));
+        assert!(claim("(40000000,)").contains("not height × width"), "{}", claim("(40000000,)"));
+        let many: Vec<String> = (0..300).map(|i| format!("a{i}.npy")).collect();
+        let many: Vec<(&str, Vec<u8>)> =
+            many.iter().map(|name| (name.as_str(), npy_file("<f4", "(2, 1, 3)", &[0; 24]))).collect();
+        let line = read(&npz_file(&many)).expect_err("refused");
+        assert!(line.contains(" and 288 more") && line.len() < 300, "{line}");
     }
 
     #[test]

@@ -19,6 +19,11 @@ pub enum Transfer {
     Hlg,
     /// Of red, green and blue, at equally spaced values from 0 to 1.
     Table([Vec<f32>; 3]),
+    /// A curve over the narrow range of so many bits: black is 16 and white 235, with 8 bits.
+    Narrow {
+        bits: u8,
+        curve: Box<Transfer>,
+    },
 }
 
 impl Transfer {
@@ -36,6 +41,10 @@ impl Transfer {
                 ratio.powf(1.0 / 0.159_301_76) * (10000.0 / 203.0)
             }
             Self::Hlg => hlg(code) / hlg(0.75),
+            Self::Narrow { bits, curve } => {
+                let eighths = code * (256.0 - (8.0 - f32::from(*bits)).exp2());
+                curve.linear(((eighths - 16.0) / 219.0).max(0.0), channel)
+            }
             Self::Table(curves) => {
                 let curve = &curves[channel.min(2)];
                 let at = code.clamp(0.0, 1.0) * (curve.len() - 1) as f32;
@@ -47,7 +56,11 @@ impl Transfer {
 
     /// Says whether 1 is where a camera saturates, and not just a bright value.
     pub fn saturates_at_one(&self) -> bool {
-        !matches!(self, Self::Pq | Self::Hlg)
+        match self {
+            Self::Pq | Self::Hlg => false,
+            Self::Narrow { curve, .. } => curve.saturates_at_one(),
+            _ => true,
+        }
     }
 }
 
@@ -97,6 +110,11 @@ impl ColorSpace {
             .all(|curve| (0..=STEPS).all(|i| (curve[i] - srgb_to_linear(i as f32 / STEPS as f32)).abs() < 2e-3));
         let transfer = if is_srgb { Transfer::Srgb } else { Transfer::Table(curves) };
         Some(Self { transfer, to_rec709: unless_identity(matrix) })
+    }
+
+    /// The same colours, with codes of so many bits in the narrow range.
+    pub(super) fn narrow(self, bits: u8) -> Self {
+        Self { transfer: Transfer::Narrow { bits, curve: Box::new(self.transfer) }, ..self }
     }
 
     /// Reads the code points of ITU-T H.273.
@@ -202,6 +220,10 @@ mod tests {
         assert!((at(Transfer::Pq, 0.580_69) - 1.0).abs() < 0.01, "203 cd/m²");
         assert!((at(Transfer::Hlg, 0.75) - 1.0).abs() < 1e-5);
         assert!((at(Transfer::Bt709, 1.0) - 1.0).abs() < 1e-5);
+        let narrow = |bits| Transfer::Narrow { bits, curve: Box::new(Transfer::Linear) };
+        assert!((at(narrow(8), 126.0 / 255.0) - 110.0 / 219.0).abs() < 1e-5);
+        assert!((at(narrow(16), 126.0 * 256.0 / 65535.0) - 110.0 / 219.0).abs() < 1e-5);
+        assert_eq!(at(narrow(8), 0.0), 0.0);
         assert_eq!(at(Transfer::Table([vec![0.0, 0.5, 2.0], vec![0.0], vec![0.0]]), 0.75), 1.25);
         let p3 = ColorProfile::new_display_p3().encode().expect("a profile");
         let space = ColorSpace::of_icc(&p3).expect("read");

@@ -1,13 +1,16 @@
 //! What a PNG says about its colours (W3C PNG, third edition, 4.3): cICP goes before iCCP, that before sRGB,
-//! and that before gAMA and cHRM.
+//! and that before gAMA and cHRM. Before there was cICP the name of a profile stood for PQ (W3C png-hdr-pq).
 
 use super::color_space::{ColorSpace, Primaries, Transfer};
 use std::io::Read;
 
+/// The name of a profile whose curve is none that a profile can hold.
+const PQ_PROFILE: &[u8] = b"ITUR_2100_PQ_FULL\0";
+
 /// Reads the chunks before the pixels. `None` leaves it to the ICC profile, or to sRGB.
 pub(super) fn color_space(file: &mut impl Read) -> Option<ColorSpace> {
     let word = |bytes: &[u8]| bytes.first_chunk().map(|word| u32::from_be_bytes(*word));
-    let (mut gamma, mut primaries, mut profile) = (None, None, false);
+    let (mut gamma, mut primaries, mut profile, mut named, mut bits) = (None, None, false, None, 8);
     let mut head = [0; 8];
     file.read_exact(&mut head).ok()?;
     while file.read_exact(&mut head).is_ok() {
@@ -20,12 +23,17 @@ pub(super) fn color_space(file: &mut impl Read) -> Option<ColorSpace> {
         file.by_ref().take(u64::from(length) + 4).read_to_end(&mut data).ok()?;
         let data = data.get(..length as usize)?;
         match kind {
+            // A palette has 8 bits, and what is smaller is stretched.
+            b"IHDR" => bits = (*data.get(8)?).max(8),
             b"cICP" => {
                 if let Some(space) = ColorSpace::of_code_points(*data.first()?, *data.get(1)?) {
-                    return Some(space);
+                    return Some(if data.get(3) == Some(&0) { space.narrow(bits) } else { space });
                 }
             }
-            b"iCCP" => profile = true,
+            b"iCCP" => {
+                profile = true;
+                named = data.starts_with(PQ_PROFILE).then(|| ColorSpace::of_code_points(9, 16)).flatten();
+            }
             b"sRGB" if !profile => return Some(ColorSpace::SRGB),
             b"gAMA" => gamma = word(data).filter(|gamma| *gamma > 0).map(|gamma| f64::from(gamma) / 1e5),
             b"cHRM" => {
@@ -37,6 +45,9 @@ pub(super) fn color_space(file: &mut impl Read) -> Option<ColorSpace> {
             }
             _ => {}
         }
+    }
+    if named.is_some() {
+        return named;
     }
     if profile || (gamma.is_none() && primaries.is_none()) {
         return None;
@@ -76,6 +87,12 @@ mod tests {
         assert_eq!(transfer(&[(b"gAMA", &gamma(100_000)), (b"sRGB", &[0])]), Some(Transfer::Srgb));
         assert_eq!(transfer(&[(b"iCCP", b"x"), (b"gAMA", &gamma(100_000))]), None, "the profile is read elsewhere");
         assert_eq!(transfer(&[(b"cICP", &[9, 16, 0, 1]), (b"sRGB", &[0])]), Some(Transfer::Pq));
+        let header: &[u8] = &[0, 0, 0, 1, 0, 0, 0, 1, 16, 2, 0, 0, 0];
+        let narrow = Some(Transfer::Narrow { bits: 16, curve: Box::new(Transfer::Pq) });
+        assert_eq!(transfer(&[(b"IHDR", header), (b"cICP", &[9, 16, 0, 0])]), narrow);
+        let profile: &[u8] = b"ITUR_2100_PQ_FULL\0\0";
+        assert_eq!(transfer(&[(b"iCCP", profile)]), Some(Transfer::Pq));
+        assert_eq!(transfer(&[(b"iCCP", profile), (b"cICP", &[1, 13, 0, 1])]), Some(Transfer::Srgb));
         assert_eq!(transfer(&[(b"IDAT", b"x"), (b"gAMA", &gamma(100_000))]), None);
         assert!(color_space(&mut &png(&[(b"gAMA", &[1])])[..]).is_none() && color_space(&mut &b"PNG"[..]).is_none());
     }

@@ -16,11 +16,17 @@ use std::{
 
 /// Radiance's own primaries, with white of equal energy.
 const EQUAL_ENERGY: [f64; 2] = [1.0 / 3.0, 1.0 / 3.0];
+/// XYZ are photometric: so many lumens are a watt of white light, and 1 of RGB (Radiance's file formats).
+const LUMENS_A_WATT: f32 = 179.0;
 
 /// What the header says.
 struct Header {
-    /// What stored numbers were multiplied by.
+    /// What radiance was multiplied by to give the stored numbers.
     factor: Vec3,
+    /// The part of it that stands in the header.
+    exposure: Vec3,
+    /// Whether the numbers are CIE XYZ.
+    xyz: bool,
     to_rec709: Option<Mat3>,
     /// The axis and sign of each dimension, slow one first, with its length.
     axes: [(bool, char, u32); 2],
@@ -53,10 +59,13 @@ impl Picture {
         }
         check_strips([columns, rows], subject)?;
         let mut notes = Vec::new();
-        if header.factor != Vec3::ONE {
-            let [r, g, b] = header.factor.to_array();
+        // Converters write luminance as radiance with its lumens in EXPOSURE, and then nothing changes.
+        if header.exposure != Vec3::ONE && (header.factor - Vec3::ONE).abs().max_element() > 1e-3 {
+            let [r, g, b] = header.exposure.to_array();
             let factor = if r == g && g == b { format!("{r}") } else { format!("{r}, {g}, {b}") };
             notes.push(format!("its EXPOSURE or COLORCORR of {factor} was divided out"));
+        } else if header.xyz && header.exposure == Vec3::ONE {
+            notes.push(format!("its XYZ are luminance in cd/m²: {LUMENS_A_WATT} are taken for 1"));
         }
         let size = if slow == 'Y' { [columns, rows] } else { [rows, columns] };
         let color = ColorSpace { to_rec709: header.to_rec709, ..ColorSpace::LINEAR };
@@ -159,7 +168,9 @@ fn header(bytes: &[u8]) -> std::result::Result<Header, &'static str> {
                 to_rec709 = Some(xyz_to_rec709(EQUAL_ENERGY));
             }
             let usable = factor.is_finite() && factor.min_element() > 0.0;
-            return Ok(Header { factor: if usable { factor } else { Vec3::ONE }, to_rec709, axes, start: at });
+            let exposure = if usable { factor } else { Vec3::ONE };
+            let factor = exposure * if xyz { LUMENS_A_WATT } else { 1.0 };
+            return Ok(Header { factor, exposure, xyz, to_rec709, axes, start: at });
         }
         ended = line.is_empty();
         let Some((key, value)) = line.split_once('=') else { continue };
@@ -224,6 +235,53 @@ mod tests {
         // Two columns of three.
         assert_eq!(reds("#?RADIANCE\n\n+X 2 -Y 3\n"), ([2, 3], vec![1.0, 4.0, 2.0, 5.0, 3.0, 6.0]));
         assert_eq!(reds("#?RADIANCE\n\n+X 2 +Y 3\n"), ([2, 3], vec![3.0, 6.0, 2.0, 5.0, 1.0, 4.0]));
+    }
+
+    /// The first pixel in Rec. 709, and what is said of the file.
+    fn first(header: &str, stored: [u8; 4]) -> (Vec3, Vec<String>) {
+        let mut bytes = header.as_bytes().to_vec();
+        bytes.extend(stored);
+        let raster = decode(&bytes, "f").unwrap_or_else(|error| panic!("{error}"));
+        let Samples::F32(values) = raster.samples else { panic!("floats") };
+        (raster.color.rec709(Vec3::from_slice(&values)), raster.notes)
+    }
+
+    /// As `ra_xyze` writes them: white of equal energy is (179, 179, 179), and of Rec. 709's primaries each is
+    /// where the CIE has it.
+    #[test]
+    fn xyz_is_luminance_and_primaries_are_converted() {
+        let near = |(color, _): (Vec3, Vec<String>), right: Vec3, what: &str| {
+            assert!((color - right).abs().max_element() < 0.012, "{what}: {color}");
+        };
+        let xyze = |more: &str| format!("#?RADIANCE\n{more}FORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n");
+        // 179 is 179/256 · 2⁸, and 1 is 128/256 · 2¹.
+        let absolute = first(&xyze(""), [179, 179, 179, 136]);
+        assert!(absolute.1[0].contains("cd/m²"), "{:?}", absolute.1);
+        near(absolute, Vec3::ONE, "white in cd/m²");
+        let converted = first(&xyze("EXPOSURE=5.586592e-03\n"), [128, 128, 128, 129]);
+        assert!(converted.1.is_empty(), "{:?}", converted.1);
+        near(converted, Vec3::ONE, "white as converted");
+        let darker = first(&xyze("EXPOSURE=5.586592e-03\nEXPOSURE=0.5\n"), [128, 128, 128, 129]);
+        assert!(darker.1[0].contains("divided out"), "{:?}", darker.1);
+        near(darker, Vec3::splat(2.0), "white that was made darker");
+
+        let rgbe = |primaries: &str| format!("#?RADIANCE\nPRIMARIES={primaries}\n\n-Y 1 +X 1\n");
+        // Rec. 709's own change nothing. Of Rec. 2020's green Rec. 709 has 1.13, and less than none of the others.
+        near(
+            first(&rgbe("0.64 0.33 0.30 0.60 0.15 0.06 0.3127 0.3290"), [32, 64, 128, 129]),
+            Vec3::new(0.25, 0.5, 1.0),
+            "Rec. 709",
+        );
+        near(
+            first(&rgbe("0.708 0.292 0.170 0.797 0.131 0.046 0.3127 0.3290"), [0, 128, 0, 129]),
+            Vec3::new(0.0, 1.133, 0.0),
+            "Rec. 2020",
+        );
+        near(
+            first(&rgbe("0.64 0.33 0.29 0.60 0.15 0.06 0.3333 0.3333"), [128, 128, 128, 129]),
+            Vec3::ONE,
+            "white is white",
+        );
     }
 
     #[test]

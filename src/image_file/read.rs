@@ -236,6 +236,9 @@ fn turned([width, height]: [u32; 2], orientation: Orientation) -> [u32; 2] {
 }
 
 fn damaged(error: image::ImageError, subject: &str) -> Error {
+    if matches!(error, image::ImageError::Limits(_)) {
+        return Error::input(subject, "takes more memory than is allowed", budget::REMEDY);
+    }
     Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
 }
 
@@ -248,7 +251,8 @@ pub(super) fn head<'a>(
     let chunks = if format == ImageFormat::Png { png_chunks::color_space(&mut reader) } else { None };
     let _ = reader.rewind(); // a file that cannot be rewound cannot be decoded
     let mut limits = Limits::default();
-    limits.max_alloc = Some(MAX_PIXELS * 16);
+    // A profile is compressed, too.
+    limits.max_alloc = Some((MAX_PIXELS * 16).min(budget::limit()));
     let mut reader = ImageReader::with_format(reader, format);
     reader.limits(limits);
     let mut decoder = reader.into_decoder().map_err(|error| damaged(error, subject))?;

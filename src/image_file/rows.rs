@@ -44,10 +44,11 @@ pub(super) type Decode = Box<dyn FnOnce(&mut Strips<'_>) -> Result<()>>;
 pub(super) fn begin(path: &Path) -> Result<(BufReader<File>, Vec<u8>)> {
     let fail = |problem: String| Error::input(path.display(), problem, "check the file's name and permissions");
     let io = |error: std::io::Error| fail(read::plain_io(&error));
-    let file = File::open(path).map_err(io)?;
-    if !file.metadata().map_err(io)?.is_file() {
+    // A pipe must not be opened: nobody may write to it.
+    if !path.metadata().map_err(io)?.is_file() {
         return Err(fail("is not a regular file".into()));
     }
+    let file = File::open(path).map_err(io)?;
     let (mut reader, mut start) = (BufReader::with_capacity(1 << 16, file), Vec::new());
     reader.by_ref().take(32).read_to_end(&mut start).map_err(io)?;
     reader.rewind().map_err(io)?;

@@ -140,10 +140,7 @@ impl Report {
             "light    radiance {least:.3} to {most:.3}, median {median:.3}; {clipped:.1} % at the largest value"
         );
         if let Some(lamps) = color.lamps.as_ref().filter(|lamps| !lamps.is_empty()) {
-            let share =
-                |lamp: &ClippedLamp| format!("{:.1} ({:.2} % of the sphere)", lamp.factor, lamp.solid_angle / 0.1257);
-            let all: Vec<_> = lamps.iter().map(share).collect();
-            let _ = writeln!(out, "lamps    clipped; by the light that they cast brighter by {}", all.join(", "));
+            let _ = writeln!(out, "lamps    {}", lamp_words(lamps));
         }
         let [w, h] = depth.size;
         let holes = 100.0 * depth.holes;
@@ -170,6 +167,18 @@ impl Report {
             let _ = writeln!(out, "object   {}: {size}, {stands}", plain(&object.name));
         }
         out
+    }
+}
+
+/// Says how bright clipped lamps are. Of most, nothing tells that they are brighter than white.
+fn lamp_words(lamps: &[ClippedLamp]) -> String {
+    let brighter: Vec<_> = lamps.iter().filter(|lamp| lamp.factor > 1.05).collect();
+    let share = |lamp: &&ClippedLamp| format!("{:.1} ({:.2} % of the sphere)", lamp.factor, lamp.solid_angle / 0.1257);
+    let named: Vec<_> = brighter.iter().map(share).collect();
+    let many = if lamps.len() == 1 { "1 is clipped".to_owned() } else { format!("{} are clipped", lamps.len()) };
+    match named.as_slice() {
+        [] => format!("{many}; their light tells of none that it is brighter than white"),
+        named => format!("{many}; by the light that they cast brighter by {}", named.join(", ")),
     }
 }
 

@@ -77,13 +77,28 @@ impl ObjectFacts {
         let line = translation.map_or(String::new(), |at| {
             format!("; to stand on it, write translation = [{:.3}, {:.3}, {:.3}]", at.x, at.y - gap, at.z)
         });
-        if gap > 0.02 + 0.05 * largest {
+        let within = 0.02 + 0.05 * largest;
+        if gap > within && !stands_on_another(scene, index, within) {
             warn(format!("hangs {} over the surface below it{line}", metres(gap)));
         } else if gap < -(0.02 + 0.05 * largest) {
             warn(format!("is sunk by {} into the surface below it{line}", metres(-gap)));
         }
         warnings
     }
+}
+
+/// Says whether an object stands on another one: on its box, to `within` metres.
+fn stands_on_another(scene: &Scene, index: usize, within: f32) -> bool {
+    let bounds = scene.object_bounds(index, 0.0);
+    let carries = |other: Bounds| {
+        !other.is_empty()
+            && (other.max.y - bounds.min.y).abs() < within
+            && other.min.x < bounds.max.x
+            && other.max.x > bounds.min.x
+            && other.min.z < bounds.max.z
+            && other.max.z > bounds.min.z
+    };
+    (0..scene.object_count()).any(|other| other != index && carries(scene.object_bounds(other, 0.0)))
 }
 
 /// The height of the real surface under a box, metres: of points within its footprint that face upwards and
@@ -119,9 +134,12 @@ fn beyond(cloud: &Cloud, bounds: Bounds, position: Vec3) -> Option<f32> {
     points
         .map(|point| {
             let to = point - position;
-            let nearest = (0..cloud.depth.len())
-                .filter(|i| cloud.depth[*i] > 0.0)
-                .max_by(|a, b| cloud.directions[*a].dot(to).total_cmp(&cloud.directions[*b].dot(to)))?;
+            let cell = cloud.cell(to);
+            // In a hole, what is seen beside it.
+            let near = || cloud.window(cell, 2).filter(|i| cloud.depth[*i] > 0.0);
+            let along = |i: &usize| cloud.directions[*i].dot(to);
+            let beside = || near().max_by(|a, b| along(a).total_cmp(&along(b)));
+            let nearest = if cloud.depth[cell] > 0.0 { Some(cell) } else { beside() }?;
             let seen = cloud.directions[nearest].dot(to.normalize_or_zero()) > 0.999;
             seen.then(|| to.length() - cloud.depth[nearest])
         })

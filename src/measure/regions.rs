@@ -79,7 +79,7 @@ pub fn of_model(
         renderer.render(scene, time)?;
         progress();
     }
-    Ok(regions(options.size, &renderer.picture()?, &without, &coverage(&renderer)?))
+    Ok(regions(options.size, &renderer.picture()?, &without, &renderer.real_coverage()?))
 }
 
 /// Finds the regions by scene truth, from the true scene `with` and `without` the objects at frame `frame`.
@@ -111,12 +111,7 @@ pub fn of_scene(
     options.settings.relight_levels = 0; // its light is not asked for
     let mut renderer = Renderer::new(gpu, scene, options)?;
     renderer.render(scene, scene.panorama.frame_time(frame as usize))?;
-    Ok(regions(renderer.options().size, &with, &without, &coverage(&renderer)?))
-}
-
-/// The real share M of each pixel.
-fn coverage(renderer: &Renderer) -> Result<Vec<f32>> {
-    Ok(renderer.aov("real_coverage")?.iter().map(|texel| texel[0]).collect())
+    Ok(regions(renderer.options().size, &with, &without, &renderer.real_coverage()?))
 }
 
 #[cfg(test)]

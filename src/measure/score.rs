@@ -184,8 +184,7 @@ pub fn real_view(gpu: &Gpu, scene: &Scene, options: &RenderOptions, time: f64) -
     drop(renderer);
     let mut renderer = Renderer::new(gpu, scene, with)?;
     renderer.render(scene, time)?;
-    let real_coverage = renderer.aov("real_coverage")?.iter().map(|texel| texel[0]).collect();
-    Ok(RealView { camera_radiance, real_coverage })
+    Ok(RealView { camera_radiance, real_coverage: renderer.real_coverage()? })
 }
 
 /// The truths of one view, ready to score pictures of it.

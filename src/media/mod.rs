@@ -24,7 +24,10 @@ use std::{io::Read, path::Path};
 /// do not exist are told by their names alone.
 pub fn is_video(path: &Path) -> bool {
     let mut first = [0_u8; 16];
-    let read = std::fs::File::open(path).and_then(|mut file| file.read(&mut first)).unwrap_or(0);
+    // A pipe would be waited for, and what is read of it is gone.
+    let is_file = path.metadata().is_ok_and(|metadata| metadata.is_file());
+    let mut open = || std::fs::File::open(path).and_then(|mut file| file.read(&mut first));
+    let read = if is_file { open().unwrap_or(0) } else { 0 };
     has_video_bytes(&first[..read]) || (has_video_name(path) && !is_image(&first[..read]))
 }
 

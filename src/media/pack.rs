@@ -52,6 +52,8 @@ fn code(transfer: &Transfer, linear: f32) -> f32 {
                 0.178_832_77 * (12.0 * light - 0.284_668_92).ln() + 0.559_910_7
             }
         }
+        // The range of a video is its planes' matter.
+        Transfer::Narrow { curve, .. } => code(curve, linear),
         Transfer::Srgb | Transfer::Bt709 | Transfer::Table(_) => linear_to_srgb(linear.min(1.0)),
     }
 }

@@ -1,10 +1,10 @@
 //! The real surfaces of a panorama as a coarse grid of points, with the plane that each lies in.
 
 use super::{
-    mapping::{panorama_to_world, texel_direction},
+    mapping::{coordinates, panorama_to_world, texel_direction, world_to_panorama},
     source::PanoramaFrame,
 };
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 /// The most columns of the grid.
 const COLUMNS: u32 = 256;
@@ -19,6 +19,8 @@ pub struct Cloud {
     pub depth: Vec<f32>,
     /// Solid angles, steradians.
     pub weights: Vec<f32>,
+    /// How far the panorama is turned, degrees.
+    yaw_degrees: f64,
     /// Normals of fitted planes, towards the capture point; zero where there is none.
     pub normals: Vec<Vec3>,
 }
@@ -43,10 +45,26 @@ impl Cloud {
                 .collect(),
             depth,
             weights: cells().map(|(_, y)| solid * polar(y)).collect(),
+            yaw_degrees: f64::from(yaw_degrees),
             normals: Vec::new(),
         };
         cloud.normals = (0..cloud.depth.len()).map(|index| cloud.normal(index)).collect();
         cloud
+    }
+
+    /// Returns the same surfaces, turned. Cells are no longer where the directions are.
+    pub fn turned(mut self, rotation: Quat) -> Self {
+        for vector in self.directions.iter_mut().chain(&mut self.normals) {
+            *vector = rotation * *vector;
+        }
+        self
+    }
+
+    /// Returns the cell that a direction from the capture point meets.
+    pub fn cell(&self, direction: Vec3) -> usize {
+        let uv = coordinates(world_to_panorama(direction.as_dvec3(), self.yaw_degrees));
+        let [column, row] = [0, 1].map(|axis| (uv[axis] * self.size[axis] as f64) as usize);
+        row.min(self.size[1] - 1) * self.size[0] + column % self.size[0]
     }
 
     /// Returns a point; `None` in a hole.

@@ -171,16 +171,38 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
     warnings
 }
 
+/// A floor that is steeper than this is not level, degrees.
+const TILTED: f32 = 2.0;
+
 /// Warns of a floor that is not level.
 ///
 /// `spec` says how the panorama is turned now.
 pub fn tilt_warning(floor: Option<Level>, spec: &PanoramaSpec, subject: &str) -> Option<String> {
-    let floor = floor.filter(|floor| floor.tilt > 2.0)?;
+    let floor = floor.filter(|floor| floor.tilt > TILTED)?;
     let now = Quat::from_rotation_y(spec.yaw_degrees.to_radians()) * rotation(spec.pitch_degrees, spec.roll_degrees);
-    // Adding 0 makes of −0 a plain one.
-    let [pitch, roll] = upright(now.inverse() * Vec3::from(floor.normal)).map(|x| (10.0 * x).round() / 10.0 + 0.0);
+    let [pitch, roll] = tenths(upright(now.inverse() * Vec3::from(floor.normal)));
     let what = format!("its floor is tilted by {:.1}°", floor.tilt);
     Some(format!("{subject}: {what}; to level it, write pitch = {pitch:.1} and roll = {roll:.1} in [panorama]"))
+}
+
+/// Returns pitch and roll that level a panorama as it is, if its camera was tilted: the ceiling must be as the floor
+/// is, because depth that is wrong tilts each in its own way. Where there is none the floor must be steeper.
+pub fn levelling(cloud: &Cloud) -> Option<[f32; 2]> {
+    let floor = level(cloud, true)?;
+    let normal = Vec3::from(floor.normal);
+    let tilted = match level(cloud, false) {
+        Some(ceiling) => {
+            let apart = (-normal.dot(Vec3::from(ceiling.normal))).clamp(-1.0, 1.0).acos().to_degrees();
+            floor.tilt > TILTED && apart < (floor.tilt / 3.0).max(1.0)
+        }
+        None => floor.tilt > 2.5 * TILTED,
+    };
+    tilted.then(|| tenths(upright(normal)))
+}
+
+/// Rounds angles to tenths of a degree. Adding 0 makes of −0 a plain one.
+fn tenths(degrees: [f32; 2]) -> [f32; 2] {
+    degrees.map(|x| (10.0 * x).round() / 10.0 + 0.0)
 }
 
 /// Says whether what is straight down lies much farther than what lies ahead.

@@ -9,6 +9,18 @@ use glam::Vec3;
 pub const MATTES: [&str; 2] = ["alpha", "ratio"];
 
 impl Renderer {
+    /// Returns the real share M of each pixel of the picture. It is 1 where no object is in view.
+    ///
+    /// # Errors
+    /// Fails if the device is lost.
+    pub fn real_coverage(&self) -> Result<Vec<f32>> {
+        if !self.plan.on(Part::VirtualSurfaces) {
+            let [width, height] = self.options.size;
+            return Ok(vec![1.0; width as usize * height as usize]);
+        }
+        Ok(self.aov("real_coverage")?.iter().map(|texel| texel[0]).collect())
+    }
+
     /// Returns a matte: `alpha` is the radiance of virtual surfaces, premultiplied by how much of a pixel they cover, with
     /// that as alpha. `ratio` is what is left of the plate: M·E_RV/E_R as the picture has it, 1 where nothing changes.
     ///

@@ -74,6 +74,10 @@ pub(super) fn read_place(fields: &FieldTable) -> Option<Place> {
     let facing = match table.value("facing") {
         None => Facing::Degrees(0.0),
         Some(toml::Value::String(word)) if word == "camera" => Facing::Camera,
+        Some(toml::Value::String(word)) => {
+            table.complain("facing", format!("\"{word}\" is no direction"), "give degrees about +Y, or \"camera\"");
+            return None;
+        }
         Some(_) => Facing::Degrees(table.number("facing")? as f32),
     };
     Some(Place { spot, facing })

@@ -5,6 +5,7 @@ mod play;
 use super::{
     edit::{self, Made, Origin},
     engine::Engine,
+    notches::Notches,
     panels,
     presenter::{Presenter, WindowFrame},
     report::SessionReport,
@@ -27,7 +28,7 @@ use std::{
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalSize,
-    event::WindowEvent,
+    event::{DeviceEvent, DeviceId, ElementState, WindowEvent},
     event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
     raw_window_handle::HasDisplayHandle,
     window::{Fullscreen, Window, WindowId},
@@ -122,6 +123,7 @@ struct App {
     /// Whether the user wants to leave.
     closed: bool,
     waiting: Waiting,
+    notches: Notches,
 }
 
 /// What the script waits for.
@@ -179,6 +181,7 @@ impl App {
             modifiers: egui::Modifiers::NONE,
             lose: false,
             closed: false,
+            notches: Notches::default(),
             waiting: Waiting { since: Instant::now(), pictures: 0, frame: None, answers: None },
         })
     }
@@ -309,6 +312,8 @@ impl App {
             && self.wanted.as_ref().is_none_or(|last| !last.same(&wanted))
         {
             self.number += 1;
+            let Session { behind, shown, .. } = &mut self.session;
+            behind.ask(self.number, shown);
             wanted.number = self.number;
             self.wanted = Some(wanted.clone());
             self.engine.want(wanted);
@@ -376,6 +381,9 @@ impl ApplicationHandler<()> for App {
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         self.handle(events, |app| {
             let Some(shell) = &mut app.window else { return Ok(()) };
+            if matches!(event, WindowEvent::MouseWheel { .. }) && !app.notches.counts(Instant::now()) {
+                return Ok(());
+            }
             let answer = shell.state.on_window_event(&shell.window, &event);
             app.dirty |= answer.repaint;
             match event {
@@ -387,6 +395,12 @@ impl ApplicationHandler<()> for App {
             }
             Ok(())
         });
+    }
+
+    fn device_event(&mut self, _: &ActiveEventLoop, _: DeviceId, event: DeviceEvent) {
+        if let DeviceEvent::Button { button, state: ElementState::Released } = event {
+            self.notches.release(button, Instant::now());
+        }
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {

@@ -34,6 +34,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("V", "where A and B differ"),
     ("T", "A against the accumulating truth of its model"),
     ("O, Shift+O", "the next, the previous image (AOV)"),
+    ("M", "the pixels under the pointer, eight times as large"),
     ("U", "mark what the capture never saw"),
     ("R", "accumulate anew"),
     ("X, Y, Z while it is dragged", "move it along that axis of the world alone"),
@@ -112,6 +113,7 @@ fn switches(session: &mut Session, pressed: &dyn Fn(Key) -> bool) {
         (Key::Space, &mut session.playing),
         (Key::L, &mut session.looping),
         (Key::U, &mut session.mark_unknown),
+        (Key::M, &mut session.loupe),
         (Key::P, &mut session.panels),
         (Key::F1, &mut session.help),
     ] {
@@ -232,6 +234,7 @@ pub fn pointer(session: &mut Session, response: &egui::Response, ui: &egui::Ui) 
     let on_divider = |at: egui::Pos2, session: &Session| {
         session.compare == Compare::Split && (at.x - rect.min.x - session.divider * rect.width()).abs() < GRAB
     };
+    session.pointer = response.hover_pos();
     session.under = response.hover_pos().and_then(|at| described(session, place(at)));
     if let Some(at) = response.hover_pos() {
         if on_divider(at, session) {

@@ -6,12 +6,16 @@
 //! newest counts, and receives a [`state::EngineOutput`].
 
 pub mod app;
+pub mod behind;
+mod blits;
 pub mod camera;
 pub mod controls;
 pub mod edit;
 pub mod engine;
 pub mod gizmo;
 pub mod legend;
+pub mod loupe;
+mod notches;
 pub mod objects_panel;
 pub mod painter;
 pub mod panels;

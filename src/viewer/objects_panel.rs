@@ -90,7 +90,8 @@ pub fn show(session: &mut Session, ui: &mut Ui) {
 fn place(editor: &mut Editor, index: usize, time: f64, ui: &mut Ui) {
     let mut to = editor.transform(index, time);
     let (y, x, z) = to.rotation.to_euler(EulerRot::YXZ);
-    let mut angles = Vec3::new(x, y, z).map(f32::to_degrees);
+    // Thousandths; adding 0 makes of −0 a plain one.
+    let mut angles = Vec3::new(x, y, z).map(|angle| (1e3 * angle.to_degrees()).round() / 1e3 + 0.0);
     let mut begins = false;
     let mut changed = false;
     let mut row = |ui: &mut Ui, name: &str, hover: &str, value: &mut Vec3, speed: f32| -> bool {

@@ -343,7 +343,8 @@ impl Painter {
         let marked = if wanted.mark_unknown && renderer.frames() > 0 { Some(renderer.unknown()?) } else { None };
         let name = if other.is_some() { "radiance" } else { wanted.aov.as_str() };
         let known = renderer.aov_names().iter().any(|known| known == name);
-        let source = renderer.shown(if known { name } else { "radiance" })?;
+        let shown = if known { name } else { "radiance" };
+        let source = renderer.shown(shown)?;
         let panorama = &wanted.scene.panorama;
         let input = Input {
             source,
@@ -374,6 +375,8 @@ impl Painter {
             image,
             size,
             full: wanted.size,
+            aov: shown.to_owned(),
+            marked: marked.is_some(),
             frames: self.frames,
             frame_ms: self.frame_ms,
             timings: Arc::clone(&self.timings),

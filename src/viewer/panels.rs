@@ -1,7 +1,10 @@
 //! The panels, which show what can be chosen and what is being shown.
 
 use super::{
-    controls, gizmo, legend, objects_panel,
+    behind::PATIENCE,
+    controls, gizmo, legend,
+    loupe::Loupe,
+    objects_panel,
     session::{Drag, Session, WindowRequest},
     settings_panel,
     state::{Compare, RenderedPicture, Side},
@@ -208,25 +211,32 @@ fn window_options(session: &mut Session, ui: &mut Ui) {
 /// Shows what is being shown, and messages.
 fn over_picture(session: &mut Session, ui: &mut Ui, rect: egui::Rect) {
     let painter = ui.painter_at(rect);
-    let line = |picture: &RenderedPicture, side: &Side, name: &str| {
+    let late = [0, 1].map(|side| session.behind.long(side, &session.shown));
+    let since = |side: usize| late[side].map_or(String::new(), |time| format!(", for {} s", time.as_secs()));
+    let line = |picture: &RenderedPicture, index: usize, name: &str| {
+        let side = &session.sides[index];
         if picture.preview {
-            return format!("{name}: the real scene alone; {} is being prepared", side.method.name());
+            return format!("{name}: the real scene alone; {} is being prepared{}", side.method.name(), since(index));
         }
         let [w, h] = picture.size;
         let of =
             if picture.is_full() { String::new() } else { format!(" of {}×{}", picture.full[0], picture.full[1]) };
         let held = if picture.held_relight { ", relit panorama held" } else { "" };
+        let change = if late[index].is_some() { "; a change is being prepared" } else { "" };
         format!(
-            "{name} {}: {w}×{h}{of}, {} frame{}, {:.0} ms{held}",
+            "{name} {}: {w}×{h}{of}, {} frame{}, {:.0} ms{held}{change}{}",
             side.method.name(),
             picture.frames,
             if picture.frames == 1 { "" } else { "s" },
-            picture.frame_ms
+            picture.frame_ms,
+            since(index)
         )
     };
     let back = Color32::from_black_alpha(170);
+    let beside_legend = legend::beside(session, rect);
     let label = |at: egui::Pos2, align: Align2, text: String, color: Color32| {
-        let galley = painter.layout(text, egui::FontId::proportional(13.0), color, rect.width() * 0.9);
+        let width = if align == Align2::LEFT_BOTTOM { beside_legend } else { rect.width() - 16.0 };
+        let galley = painter.layout(text, egui::FontId::proportional(13.0), color, width);
         let place = align.anchor_size(at, galley.size());
         painter.rect_filled(place.expand(4.0), 3.0, back);
         painter.galley(place.min, galley, color);
@@ -243,10 +253,13 @@ fn over_picture(session: &mut Session, ui: &mut Ui, rect: egui::Rect) {
     let mut at = rect.left_bottom() + egui::vec2(8.0, -8.0);
     let sides = if session.compare == Compare::Single { 1 } else { 2 };
     for (index, name) in ["A", "B"].into_iter().enumerate().take(sides).rev() {
-        if let Some(picture) = &session.shown.pictures[index] {
-            let text = line(picture, &session.sides[index], name);
-            at.y = label(at, Align2::LEFT_BOTTOM, text, Color32::WHITE).min.y - 10.0;
-        }
+        let text = match &session.shown.pictures[index] {
+            Some(picture) => line(picture, index, name),
+            // Of A it is said that the scene is being loaded.
+            None if index == 0 => continue,
+            None => format!("{name}: {} is being prepared{}", session.sides[index].method.name(), since(index)),
+        };
+        at.y = label(at, Align2::LEFT_BOTTOM, text, Color32::WHITE).min.y - 10.0;
     }
     if session.compare == Compare::Split {
         let x = rect.min.x + session.divider * rect.width();
@@ -268,6 +281,13 @@ fn over_picture(session: &mut Session, ui: &mut Ui, rect: egui::Rect) {
         gizmo::draw(&painter, rect, &lens, &bounds, bold);
     }
     legend::show(session, &painter, rect);
+    if let Some(loupe) = Loupe::of(session) {
+        loupe.draw(&painter, session.pixels_per_point);
+    }
+    // The seconds go on, and begin to be told.
+    if (0..sides).any(|side| session.behind.is_so(side, &session.shown)) {
+        ui.ctx().request_repaint_after(PATIENCE / 2);
+    }
     session.tidy();
     let mut at = rect.left_top() + egui::vec2(8.0, 8.0);
     for message in &session.messages {

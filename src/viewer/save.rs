@@ -67,7 +67,7 @@ pub fn save(editor: &Editor, view: &SavedView, to: &Path, again: bool) -> Result
                 export.prepare(to)?;
             }
             let mut text: DocumentMut = parse(to, &export.scene)?;
-            write_render(&mut text, &view.render);
+            write_render(&mut text, view);
             export.scene = text.to_string();
             let panorama = &editor.scene().panorama;
             let frames = (0..panorama.frame_count()).map(|index| panorama.load(index)).collect::<Result<Vec<_>>>()?;
@@ -135,11 +135,14 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
             write_material(&mut table, painted);
         }
         if !unmoved {
-            replace(
-                &mut table,
-                &["translation", "rotation", "scale", "key", "place"],
-                placement_table(&object.placement),
-            )?;
+            let mut placed = placement_table(&object.placement);
+            for (key, none) in [("rotation", vec![0.0, 0.0, 0.0, 1.0]), ("scale", vec![1.0; 3])] {
+                let is_none = placed.get(key).is_some_and(|value| *value == none.clone().into());
+                if is_none && !table.contains_key(key) {
+                    placed.remove(key);
+                }
+            }
+            replace(&mut table, &["translation", "rotation", "scale", "key", "place"], placed)?;
             // The scale holds it now.
             if table.contains_key("gltf") {
                 table.remove("size");
@@ -159,7 +162,7 @@ fn save_file(editor: &Editor, view: &SavedView, from: &Path, to: &Path) -> Resul
         new.remove("size");
         replace(table, &["position", "look_at", "yaw", "pitch", "fov_y", "key"], new)?;
     }
-    write_render(&mut document, &view.render);
+    write_render(&mut document, view);
     write_bytes(to, document.to_string().as_bytes())?;
     Ok(to.to_owned())
 }
@@ -213,26 +216,37 @@ fn replace(table: &mut Table, keys: &[&str], by: toml::Table) -> Result<()> {
     Ok(())
 }
 
-/// Writes method, settings and exposure, if they differ from the defaults or were in the file before.
-fn write_render(document: &mut DocumentMut, render: &RenderSettings) {
+/// Writes method, settings and exposure where they differ from the defaults, or were in the file before. That the
+/// window fills what was never seen was set by nobody, and is written only with a camera that may see it.
+fn write_render(document: &mut DocumentMut, SavedView { camera, render }: &SavedView) {
     let default = RenderSettings::default();
-    if document.get("render").is_none() && *render == default {
-        return;
-    }
-    let table = document.entry("render").or_insert(Item::Table(Table::new()));
-    let Some(table) = table.as_table_like_mut() else { return };
-    table.insert("method", toml_edit::value(&render.method));
-    table.insert("exposure", toml_edit::value(shortest(render.exposure)));
-    if table.contains_key("tonemap") || render.tonemap != default.tonemap {
-        table.insert("tonemap", toml_edit::value(render.tonemap.name()));
-    }
+    let mut new = Table::new();
+    let old = document.entry("render").or_insert(Item::Table(Table::new()));
+    let Some(old) = old.as_table_like_mut() else { return };
+    let mut write = |key: &str, value: Item, is_default: bool| {
+        if old.contains_key(key) || !is_default {
+            new.insert(key, value);
+        }
+    };
+    write("method", toml_edit::value(&render.method), render.method == default.method);
+    write("exposure", toml_edit::value(shortest(render.exposure)), render.exposure == default.exposure);
+    write("tonemap", toml_edit::value(render.tonemap.name()), render.tonemap == default.tonemap);
+    let had = |key: &str| old.get("set").and_then(Item::as_table_like).is_some_and(|set| set.contains_key(key));
     let mut set = toml_edit::InlineTable::new();
     for (key, value) in &render.set {
-        set.insert(key, value.as_str().unwrap_or_default().into());
+        let value = value.as_str().unwrap_or_default();
+        if (key.as_str(), value) != ("fill_unseen", "true") || had(key) || camera.is_some() {
+            set.insert(key, value.into());
+        }
     }
-    if render.set.is_empty() {
-        table.remove("set");
-    } else {
-        table.insert("set", toml_edit::value(set));
+    old.remove("set");
+    if !set.is_empty() {
+        new.insert("set", toml_edit::value(set));
+    }
+    for (key, item) in new {
+        old.insert(&key, item);
+    }
+    if old.is_empty() {
+        document.remove("render");
     }
 }

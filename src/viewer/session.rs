@@ -1,6 +1,7 @@
 //! What the window shows and how it answers, without the window itself.
 
 use super::{
+    behind::Behind,
     camera::{Free, Lens},
     edit::{Editor, Made, Origin},
     save::{self, render_settings},
@@ -9,7 +10,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    gpu::{Blit, PresentMode, Timings},
+    gpu::{PresentMode, Timings},
     image_file::tonemap::Tonemap,
     scene::{Object, Scene, camera::Camera, file::RenderSettings},
     settings::Method,
@@ -99,6 +100,10 @@ pub struct Session {
     /// How light beyond white is shown.
     pub tonemap: Tonemap,
     pub mark_unknown: bool,
+    /// Whether the pixels under the pointer are shown large.
+    pub loupe: bool,
+    /// Where the pointer is over the picture, points of the window.
+    pub pointer: Option<egui::Pos2>,
     pub target_ms: f64,
     pub restart: u64,
     pub mode: PresentMode,
@@ -133,6 +138,7 @@ pub struct Session {
     /// The scene as this camera sees it, and what it was made of.
     seen: Option<(Arc<Scene>, Option<Free>, Arc<Scene>)>,
     pub shown: EngineOutput,
+    pub behind: Behind,
     /// When the window was asked for.
     pub started: Instant,
     /// The name of the device, for people.
@@ -155,6 +161,8 @@ impl Session {
             exposure: 1.0,
             tonemap: Tonemap::Clip,
             mark_unknown: false,
+            loupe: false,
+            pointer: None,
             target_ms,
             restart: 0,
             mode: PresentMode::Fifo,
@@ -180,6 +188,7 @@ impl Session {
             play_clock: 0.0,
             seen: None,
             shown: EngineOutput::default(),
+            behind: Behind::new(),
             started: Instant::now(),
             device,
         }
@@ -240,6 +249,7 @@ impl Session {
             let extra = self.frame_times.len().saturating_sub(timings_panel::FRAMES);
             self.frame_times.drain(..extra);
         }
+        self.behind.see(&shown, &self.shown);
         self.shown = shown;
         other
     }
@@ -358,34 +368,6 @@ impl Session {
             restart: self.restart,
             number: 0,
         })
-    }
-
-    /// The pictures, and where they go in the window.
-    pub fn blits(&self) -> Vec<Blit> {
-        let rect = self.picture * self.pixels_per_point;
-        let [left, top, right, bottom] = [rect.min.x, rect.min.y, rect.max.x, rect.max.y].map(f32::round);
-        let part = |picture: &super::state::RenderedPicture, from: f32, to: f32| {
-            let [width, height] = picture.size.map(|side| side as f32);
-            let across = |x: f32| left + (right - left) * x;
-            Blit {
-                image: picture.image.clone(),
-                from: [width * from, 0.0, width * to, height],
-                to: [across(from), top, across(to), bottom],
-                smooth: !picture.is_full(),
-            }
-        };
-        let [a, b] = &self.shown.pictures;
-        let whole =
-            |picture: &Option<super::state::RenderedPicture>| picture.iter().map(|p| part(p, 0.0, 1.0)).collect();
-        match self.compare {
-            Compare::Single => whole(a),
-            Compare::Split => {
-                let a = a.iter().map(|p| part(p, 0.0, self.divider));
-                a.chain(b.iter().map(|p| part(p, self.divider, 1.0))).collect()
-            }
-            Compare::Difference if self.shown.difference.is_some() => whole(&self.shown.difference),
-            Compare::Difference => whole(a),
-        }
     }
 
     /// Puts a model into the scene, in front of the camera and on what is there.

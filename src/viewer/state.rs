@@ -109,6 +109,9 @@ pub struct RenderedPicture {
     pub size: [u32; 2],
     /// The size that was asked for.
     pub full: [u32; 2],
+    /// The name of the image that it shows, and whether what was never seen is marked in it.
+    pub aov: String,
+    pub marked: bool,
     /// Number of frames that were accumulated with this view.
     pub frames: u32,
     /// Wall time of the last frame, milliseconds.

@@ -346,6 +346,11 @@ fn masks_tell_objects_and_their_influence_apart() {
     let both = hidden.pixels().zip(influenced.pixels()).filter(|(a, b)| a.0[0] == 255 && b.0[0] == 255).count();
     assert_eq!(both, 0);
     assert!(inside(&influenced) > 20.0, "at least the ring about the ball: {}", inside(&influenced));
+    // The ball is behind the camera: no pixel is virtual.
+    let scene = std::fs::read_to_string(folder.path("scene.toml")).expect("there");
+    folder.write("away.toml", &scene.replace("[camera]", "[camera]\nyaw = 180"));
+    folder.succeeds("masks away.toml -o out/masks --spp 4 --size 64x48");
+    assert_eq!(inside(&mask("virtual.png")), 0.0);
 }
 
 #[test]

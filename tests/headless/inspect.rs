@@ -217,6 +217,9 @@ fn objects_are_placed_by_the_room() {
     let stacked = bounds(&placed(&format!("size = 0.3\nplace = {{ floor = [0, -1], facing = 45 }}\n{ball}")), 1);
     assert!(stacked.center().abs_diff_eq(vec3(0.0, 0.4, -1.0), 0.01), "{stacked:?}");
     let below = bounds(&placed(&format!("size = 0.3\nplace = {{ floor = [0, -1], facing = 45 }}\n{ball}")), 0);
+    let report = measured(&placed(&format!("size = 0.3\nplace = {{ floor = [0, -1], facing = 45 }}\n{ball}")));
+    assert!((report["objects"][1]["gap"].as_f64().expect("a height") - 0.3).abs() < 0.01, "{report:#}");
+    assert_eq!(report["warnings"], serde_json::json!([]), "what stands on an object does not hang");
     let gap = stacked.min.y - below.max.y;
     assert!(gap > 2e-4 && gap < 1e-3, "they share no plane: {gap}");
 
@@ -224,6 +227,7 @@ fn objects_are_placed_by_the_room() {
         ("place = { floor = [0, 0] }\ntranslation = [0, 0, 0]", "stands beside place"),
         ("place = { floor = [0, 0], on = 'x' }", "needs one of floor, pixel and on"),
         ("place = { on = 'table' }", "no object above it"),
+        ("place = { floor = [0, 0], facing = 'door' }", "or \"camera\""),
         ("place = { pixel = [999, 0] }", "outside the picture"),
         ("size = [1, 1, 1]\nplace = { floor = [0, 0] }", "the largest side"),
     ] {
@@ -258,6 +262,70 @@ fn a_new_scene_is_right_at_the_first_try() {
     folder.fails("new color.exr -o box.toml", &["box.toml", "--force"]);
     folder.fails("new color.exr depth.exr color.exr -o two.toml", &["second image of depth"]);
     folder.fails("check apartmnt", &["did you mean `apartment`?"]);
+}
+
+/// Writes codes of the room's depth as a grey picture, and returns what `iprt new` makes of it with `check`'s report.
+fn new_scene(depth: impl Fn(Vec3) -> f32, most: f32, turn: Quat) -> (String, serde_json::Value) {
+    let folder = folder(distance, |d| paint(turn * d), "");
+    let codes: Vec<f32> = directions().map(|d| (depth(turn * d) * most).round().clamp(0.0, most)).collect();
+    let [width, height] = SIZE;
+    let at = |x: u32, y: u32| codes[(y * width + x) as usize];
+    match most {
+        255.0 => image::GrayImage::from_fn(width, height, |x, y| image::Luma([at(x, y) as u8]))
+            .save(folder.path("depth.png"))
+            .expect("written"),
+        _ => image::ImageBuffer::from_fn(width, height, |x, y| image::Luma([at(x, y) as u16]))
+            .save(folder.path("depth.png"))
+            .expect("written"),
+    }
+    folder.succeeds("new color.exr depth.png -o new.toml --height 1.5");
+    let text = std::fs::read_to_string(folder.path("new.toml")).expect("written");
+    (text, serde_json::from_str(&folder.succeeds("check new.toml --json -q")).expect("JSON"))
+}
+
+/// Says that the room has its height and that the ball stands on its floor. Of 255 grey values the offset is known to
+/// some hundredths, and the ball is found 28 mm too low.
+fn is_the_room((text, report): &(String, serde_json::Value), within: f64) {
+    let number = |value: &serde_json::Value| value.as_f64().unwrap_or(f64::NAN);
+    assert!((number(&report["floor"]["distance"]) - 1.5).abs() < within, "{text}{report:#}");
+    assert!((number(&report["ceiling"]["distance"]) - 1.1).abs() < within, "{text}{report:#}");
+    assert!(number(&report["floor"]["tilt"]) < 0.6, "{text}{report:#}");
+    assert!(number(&report["objects"][0]["gap"]).abs() < 0.04, "{text}{report:#}");
+}
+
+#[test]
+fn relative_depth_that_fills_its_range_is_fitted_to_the_room() {
+    let (near, far) = directions().map(distance).fold((f32::MAX, 0.0_f32), |(a, b), d| (a.min(d), b.max(d)));
+    let share = |d: Vec3| (distance(d) - near) / (far - near);
+    for most in [255.0, 65535.0] {
+        let stretched = new_scene(share, most, Quat::IDENTITY);
+        assert!(stretched.0.contains("encoding = \"radial\"") && stretched.0.contains("offset = "), "{}", stretched.0);
+        is_the_room(&stretched, 0.05);
+        // Distances as shares of the largest need no offset.
+        let shares = new_scene(|d| distance(d) / far, most, Quat::IDENTITY);
+        assert!(!shares.0.contains("offset"), "{}", shares.0);
+        is_the_room(&shares, 0.05);
+    }
+    let turned = new_scene(|d| 1.0 - share(d), 65535.0, Quat::IDENTITY);
+    assert!(turned.0.contains("turned round") && turned.0.contains("scale = -"), "{}", turned.0);
+    is_the_room(&turned, 0.05);
+    let disparity = new_scene(|d| (near / distance(d) - near / far) / (1.0 - near / far), 65535.0, Quat::IDENTITY);
+    assert!(disparity.0.contains("encoding = \"disparity\""), "{}", disparity.0);
+    is_the_room(&disparity, 0.1);
+}
+
+#[test]
+fn a_camera_that_was_tilted_is_levelled() {
+    let tilted = Quat::from_rotation_z(-0.1) * Quat::from_rotation_x(0.08);
+    let metres = |d: Vec3| distance(d) / 65.535;
+    let scene = new_scene(metres, 65535.0, tilted);
+    assert!(scene.0.contains("\npitch = 4.6\n") && scene.0.contains("\nroll = -5.7\n"), "{}", scene.0);
+    is_the_room(&scene, 0.02);
+    // A floor that the depth bends, under a ceiling that is level, is no tilt of the camera.
+    let bent = |d: Vec3| metres(d) * if d.y < 0.0 { 1.0 + 0.12 * d.y * d.z } else { 1.0 };
+    let (text, report) = new_scene(bent, 65535.0, Quat::IDENTITY);
+    assert!(report["floor"]["tilt"].as_f64().expect("a floor") > 2.0, "{report:#}");
+    assert!(!text.contains("pitch"), "{text}");
 }
 
 /// The commands of the README's "Your own panorama", but the window's.

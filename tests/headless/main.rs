@@ -71,6 +71,7 @@ mod video_out;
 mod view;
 mod vulkan_faults;
 mod window_edits;
+mod window_looks;
 
 /// SPIR-V of `tests/glsl/*.comp`.
 mod shaders {

@@ -39,7 +39,7 @@ impl Display {
     }
 
     /// What is on the screen now, from its upper left corner: an XWD file of 32-bit pixels.
-    fn screen(&self, [width, height]: [u32; 2]) -> image::RgbImage {
+    pub fn screen(&self, [width, height]: [u32; 2]) -> image::RgbImage {
         let file = fs::read(self.folder.path("Xvfb_screen0")).expect("the screen");
         let word = |i: usize| u32::from_be_bytes(file[4 * i..4 * i + 4].try_into().expect("four bytes"));
         let (header, little, row, colors) = (word(0), word(7) == 0, word(12), word(19));
@@ -52,7 +52,7 @@ impl Display {
 }
 
 /// Waits for something that the window shows or writes.
-fn until(what: &str, mut there: impl FnMut() -> bool) {
+pub fn until(what: &str, mut there: impl FnMut() -> bool) {
     let start = Instant::now();
     while !there() {
         assert!(start.elapsed() < Duration::from_secs(100), "waited in vain: {what}");
@@ -99,7 +99,7 @@ pub fn room() -> Folder {
 }
 
 /// Starts a session that plays a script under validation.
-fn start(folder: &Folder, display: &Display, script: &str, arguments: &str) -> Session {
+pub fn start(folder: &Folder, display: &Display, script: &str, arguments: &str) -> Session {
     start_with(folder, display, script, arguments, &[])
 }
 
@@ -129,13 +129,13 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-struct Session {
+pub struct Session {
     child: Child,
     report: PathBuf,
 }
 
 impl Session {
-    fn finish(self) -> Report {
+    pub fn finish(self) -> Report {
         let output = self.child.wait_with_output().expect("ends");
         let said = said(&output);
         assert!(output.status.success(), "{said}");

@@ -54,6 +54,10 @@ fn objects_are_copied_and_moved_along_an_axis() {
     assert_eq!(report.note("undone")["objects"].as_array().map(Vec::len), Some(1), "a copy is one step");
     let saved = fs::read_to_string(folder.path("copied.toml")).expect("saved");
     assert!(saved.contains("name = \"ball\" # the ball") && saved.contains("name = \"ball-2\""), "{saved}");
+    // Nobody has turned or scaled anything, or chosen how the picture is made.
+    for word in ["rotation", "scale", "method", "exposure", "fill_unseen"] {
+        assert!(!saved.contains(word), "{word}: {saved}");
+    }
     folder.succeeds("check copied.toml");
 }
 
