@@ -280,9 +280,10 @@ impl Screen {
             let range = super::encode::whole_image();
             let dark = vk::ClearColorValue { float32: [0.07, 0.07, 0.08, 1.0] };
             device.cmd_clear_color_image(commands, target.image, copied, &dark, &[range]);
-            barrier(device, commands, copying, copying);
             for blit in blits {
                 let Some((region, smooth)) = region(blit, target.extent) else { continue };
+                // it may lie over what was cleared or copied before
+                barrier(device, commands, copying, copying);
                 let filter = if smooth { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
                 let general = vk::ImageLayout::GENERAL;
                 device.cmd_blit_image(commands, blit.image.handle(), general, target.image, copied, &[region], filter);
