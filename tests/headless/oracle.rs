@@ -12,7 +12,7 @@ use iprt::{
 
 /// Of vertex and origin distance: how near an edge a ray must pass to be counted apart. Single precision knows places to 1e-7 of that.
 pub const TOLERANCE: f64 = 1e-5;
-/// A thing that is as wide as this is a wall, metres.
+/// A thing that is as wide as this is a wall, and as deep, metres.
 const WALL: f64 = 1.0;
 /// Of the panorama about +Y, degrees.
 pub const YAW: f32 = 37.0;
@@ -147,7 +147,7 @@ fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<O
             return None;
         }
         if thing > WALL {
-            return Some(f64::INFINITY);
+            return Some(WALL);
         }
         // Rounded down to 1 or 1.5 times a power of two, from 1/64 m on.
         let deep = thing.min(0.075 + 0.25 * thing);
