@@ -1,5 +1,7 @@
 // Measures how wide the thing is that ends at a texel (edges.glsl), on the depth as captured.
 
+const uint EDGE_ON_PLANE = EDGE_AT_POLE; // nor has a plane at a grazing angle
+
 // Walks from a texel over the thing that it is of, and returns where that ends. It passes behind what stands
 // before it. It may end once it is `most` away.
 vec3 edge_walk(ivec2 p, vec2 way, vec3 start, float depth, float most) {
@@ -25,18 +27,27 @@ vec3 edge_walk(ivec2 p, vec2 way, vec3 start, float depth, float most) {
 // Returns the class of a texel with this depth, 0 where there is no edge.
 uint edge_class_at(ivec2 p, float depth) {
     ivec2 size = ivec2(in_view.view.depth_size);
-    float beyond = depth * (1.0 + in_view.view.edge_ratio), spread = 0.0;
+    float beyond = depth * (1.0 + in_view.view.edge_ratio), spread = 0.0, around[25];
     vec2 outward = vec2(0.0);
-    bool ends = false;
+    bool skirts = false, ends = false;
     [[unroll]] for (int k = 0; k < 25; k++) {
-        ivec2 offset = ivec2(k % 5, k / 5) - 2, q = clamp(p + offset, ivec2(-2, -1), size + ivec2(1, 0));
+        ivec2 q = clamp(p + ivec2(k % 5, k / 5) - 2, ivec2(-2, -1), size + ivec2(1, 0));
         q.x += q.x < 0 ? size.x : q.x >= size.x ? -size.x : 0;
-        bool far = vertex_depth(q.x, q.y) > beyond;
-        outward += far ? vec2(offset) : vec2(0.0);
-        spread += far ? length(vec2(offset)) : 0.0;
-        ends = ends || far && max(abs(offset.x), abs(offset.y)) < 2;
+        around[k] = vertex_depth(q.x, q.y);
     }
-    if (depth <= 0.0 || !ends) return 0u;
+    [[unroll]] for (int k = 0; k < 25; k++) {
+        vec2 offset = vec2(k % 5, k / 5) - 2.0;
+        bool beside = max(abs(offset.x), abs(offset.y)) < 2.0, far = around[k] > beyond;
+        skirts = skirts || far && beside;
+        // A plane that is seen at a grazing angle goes on in equal steps of 1/depth, and has no edge there.
+        float opposite = around[24 - k], onward = 2.0 / depth - 1.0 / (opposite > 0.0 ? opposite : depth);
+        far = far && 1.0 / around[k] < 0.8 * onward;
+        outward += far ? offset : vec2(0.0);
+        spread += far ? length(offset) : 0.0;
+        ends = ends || far && beside;
+    }
+    if (depth <= 0.0 || !skirts) return 0u;
+    if (!ends) return EDGE_ON_PLANE;
     vec3 start = vertex_direction(p.x, p.y) * depth;
     float width = WALL, texel = depth * PI / float(size.y);
     if (length(outward) > 0.25 * spread) {

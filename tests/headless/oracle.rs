@@ -81,17 +81,28 @@ fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<O
         if farthest <= own * (1.0 + edge_ratio) {
             return Some(0.0);
         }
-        // Outward is where most of what is farther lies, up to two texels away.
-        let (mut outward, mut spread) = (DVec2::ZERO, 0.0);
+        // Outward is where most of what is farther lies, up to two texels away, but for a plane that goes on.
+        let (mut outward, mut spread, mut ends) = (DVec2::ZERO, 0.0, false);
         for (x, y) in (-2..=2).flat_map(|y| (-2..=2).map(move |x| (x, y))) {
-            let there = depth(i + x, (j + y).clamp(-1, height));
+            let at = |x: i64, y: i64| depth(i + x, (j + y).clamp(-1, height));
+            let (there, opposite) = (at(x, y), at(-x, -y));
+            let onward = 2.0 / own - 1.0 / if opposite > 0.0 { opposite } else { own };
             if near(there, own * (1.0 + edge_ratio)) {
                 return None;
             }
             if there > own * (1.0 + edge_ratio) {
-                let offset = DVec2::new(x as f64, y as f64);
-                (outward, spread) = (outward + offset, spread + offset.length());
+                if (1.0 / there - 0.8 * onward).abs() < 2e-5 / own {
+                    return None;
+                }
+                if 1.0 / there < 0.8 * onward {
+                    let offset = DVec2::new(x as f64, y as f64);
+                    (outward, spread) = (outward + offset, spread + offset.length());
+                    ends |= x.abs() < 2 && y.abs() < 2;
+                }
             }
+        }
+        if !ends {
+            return Some(0.25);
         }
         // The end of a walk over the thing, up to a wall's width. `None` where rounding decides.
         let walk = |way: DVec2| -> Option<DVec3> {
