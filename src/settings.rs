@@ -254,7 +254,7 @@ settings! {
     depth_pyramid {
         edge_ratio: f32 = [0.1, 0.1, 0.1, 0.1], [0.001, 10.0], "", "depths of a triangle's corners may differ by this ratio before it is a skirt, not a surface";
         thickness: f32 = [0.3, INFINITE, 0.3, 0.3], [0.0, f64::INFINITY], "metres", "how far behind a foreground edge a ray still hits its skirt; inf: solid, so that everything behind the depth is a hit";
-        edge_depth: bool = [true, false, false, true], ANY, "", "skirts are as deep as the width of the thing at whose edge they hang tells (a post as wide, a wall 1 m); off: `thickness`";
+        edge_depth: bool = [true, false, false, true], ANY, "", "skirts are as deep as the width of the thing at whose edge they hang tells (a post as wide, a cupboard 0.3 m); off: `thickness`";
         skirt_luminance: f32 = [1.0, INFINITE, INFINITE, 1.0], [0.0, f64::INFINITY], "of the panorama's mean", "how bright a skirt is at most: what the capture does not show of a lamp's or a window's edge is no light";
     }
     relight {

@@ -1,10 +1,11 @@
 // Measures how wide the thing is that ends at a texel (edges.glsl), on the depth as captured.
 
 const uint EDGE_ON_PLANE = EDGE_AT_POLE; // nor has a plane at a grazing angle
+const float WIDE = 1.4; // metres: what is wider is as deep as that
 
-// Walks from a texel over the thing that it is of, and returns where that ends. It passes behind what stands
-// before it. It may end once it is `most` away.
-vec3 edge_walk(ivec2 p, vec2 way, vec3 start, float depth, float most) {
+// Walks from a texel over the thing that it is of, and returns where that ends, `steps` ways away. It passes behind
+// what stands before it. It may end once it is `most` away.
+vec3 edge_walk(ivec2 p, vec2 way, vec3 start, float depth, float most, out int steps) {
     ivec2 size = ivec2(in_view.view.depth_size);
     vec3 last = start;
     int at = 0, before = 0;
@@ -21,6 +22,7 @@ vec3 edge_walk(ivec2 p, vec2 way, vec3 start, float depth, float most) {
         last = vertex_direction(q.x, q.y) * d;
         if (distance(last, start) > most) break;
     }
+    steps = before;
     return last;
 }
 
@@ -49,18 +51,26 @@ uint edge_class_at(ivec2 p, float depth) {
     if (depth <= 0.0 || !skirts) return 0u;
     if (!ends) return EDGE_ON_PLANE;
     vec3 start = vertex_direction(p.x, p.y) * depth;
-    float width = WALL, texel = depth * PI / float(size.y);
+    float width = WIDE;
+    int steps;
     if (length(outward) > 0.25 * spread) {
-        // Straight in from its edge.
-        width = distance(start, edge_walk(p, normalize(-outward), start, depth, width)) + texel;
-    } else {
-        // What is a few texels wide ends on both sides.
-        for (int k = 0; k < 4; k++) {
-            vec2 way = k == 0 ? vec2(1.0, 0.0) : k == 1 ? vec2(0.0, 1.0) : k == 2 ? vec2(1.0, 1.0) : vec2(1.0, -1.0);
-            vec3 a = edge_walk(p, way, start, depth, width), b = edge_walk(p, -way, start, depth, width);
-            // The texels at both ends are the thing's to half their width.
-            width = min(width, distance(a, b) + texel);
+        // Straight in from its edge, to the middle. What is a few texels wide ends on both sides, and has no other.
+        vec2 way = normalize(-outward);
+        edge_walk(p, way, start, depth, width, steps);
+        ivec2 middle = p + ivec2(round(way * float(steps / 2)));
+        middle.x += middle.x < 0 ? size.x : middle.x >= size.x ? -size.x : 0;
+        float there = vertex_depth(middle.x, middle.y);
+        if (there > 0.0) {
+            p = middle;
+            depth = there;
+            start = vertex_direction(p.x, p.y) * depth;
         }
     }
-    return edge_class(width < WALL ? min(width, 0.075 + 0.25 * width) : WALL);
+    for (int k = 0; k < 4; k++) {
+        vec2 way = k == 0 ? vec2(1.0, 0.0) : k == 1 ? vec2(0.0, 1.0) : k == 2 ? vec2(1.0, 1.0) : vec2(1.0, -1.0);
+        vec3 a = edge_walk(p, way, start, depth, width, steps), b = edge_walk(p, -way, start, depth, width, steps);
+        // The texels at both ends are the thing's to half their width.
+        width = min(width, distance(a, b) + depth * PI / float(size.y));
+    }
+    return edge_class(min(width, 0.1 + 0.25 * width));
 }

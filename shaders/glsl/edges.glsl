@@ -1,11 +1,9 @@
 // How deep the thing is whose edge hides what lies behind it. A skirt hangs from that edge. The capture shows
-// how wide the thing is. A post is as deep as it is wide, and a cupboard of 0.9 m is 0.3 m deep. What is wider
-// than WALL is a wall, a bed or a table: it is as deep as that. Endless ones would cost a fifth of a ray's time.
+// how wide the thing is. A post is as deep as it is wide, and what is wider is flatter: a cupboard of 0.9 m is 0.3 m
+// deep.
 //
 // The last four bits of a depth hold this as a class: two classes double it. They move a depth by a millionth of
 // itself.
-
-const float WALL = 1.0; // metres
 
 uint edge_class(float metres) {
     // From 1/64 m on, rounded down: 1, 1.5, 2, 3, 4, ... times that.

@@ -12,8 +12,8 @@ use iprt::{
 
 /// Of vertex and origin distance: how near an edge a ray must pass to be counted apart. Single precision knows places to 1e-7 of that.
 pub const TOLERANCE: f64 = 1e-5;
-/// A thing that is as wide as this is a wall, and as deep, metres.
-const WALL: f64 = 1.0;
+/// A thing that is wider is as deep as one of this width, metres.
+const WIDE: f64 = 1.4;
 /// Of the panorama about +Y, degrees.
 pub const YAW: f32 = 37.0;
 
@@ -104,9 +104,10 @@ fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<O
         if !ends {
             return Some(0.25);
         }
-        // The end of a walk over the thing, up to a wall's width. `None` where rounding decides.
-        let walk = |way: DVec2| -> Option<DVec3> {
-            let (mut last, mut depth_there, mut far, mut before) = (point(i, j), own, 0, 0);
+        // The end of a walk over the thing from a texel, up to a width, and how many steps away it is. `None` where
+        // rounding decides.
+        let walk = |(i, j): (i64, i64), way: DVec2, most: f64| -> Option<(DVec3, i64)> {
+            let (start, mut last, mut depth_there, mut far, mut before) = (point(i, j), point(i, j), depth(i, j), 0, 0);
             for _ in 0..40 {
                 if 4 * far >= width {
                     break;
@@ -131,37 +132,38 @@ fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<O
                     continue;
                 }
                 (depth_there, before, last) = (there, far, point(x, y));
-                if near(last.distance(point(i, j)), WALL) {
+                if near(last.distance(start), most) {
                     return None;
                 }
-                if last.distance(point(i, j)) > WALL {
+                if last.distance(start) > most {
                     break;
                 }
             }
-            Some(last)
+            Some((last, before))
         };
-        let texel = own * std::f64::consts::PI / height as f64;
         if near(outward.length(), 0.25 * spread) {
             return None;
         }
-        let thing = if outward.length() > 0.25 * spread {
-            walk(-outward.normalize())?.distance(point(i, j)) + texel
-        } else {
-            // A few texels wide: the shortest of four widths.
-            let mut least = f64::INFINITY;
-            for way in [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(DVec2::from) {
-                least = least.min(walk(way)?.distance(walk(-way)?) + texel);
+        let mut centre = (i, j);
+        if outward.length() > 0.25 * spread {
+            let way = -outward.normalize();
+            let half = (walk(centre, way, WIDE)?.1 / 2) as f64;
+            if [way.x * half, way.y * half].iter().any(|a| ((a - a.floor()) - 0.5).abs() < 1e-4) {
+                return None;
             }
-            least
-        };
-        if near(thing, WALL) {
-            return None;
+            let middle = (i + (way.x * half).round() as i64, j + (way.y * half).round() as i64);
+            if depth(middle.0, middle.1) > 0.0 {
+                centre = middle;
+            }
         }
-        if thing > WALL {
-            return Some(WALL);
+        let texel = depth(centre.0, centre.1) * std::f64::consts::PI / height as f64;
+        let mut thing = WIDE;
+        for way in [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(DVec2::from) {
+            let ends = walk(centre, way, thing)?.0.distance(walk(centre, -way, thing)?.0);
+            thing = thing.min(ends + texel);
         }
         // Rounded down to 1 or 1.5 times a power of two, from 1/64 m on.
-        let deep = thing.min(0.075 + 0.25 * thing);
+        let deep = thing.min(0.1 + 0.25 * thing);
         let steps: Vec<f64> =
             (0..14).map(|k| (1.0 + 0.5 * f64::from(k % 2)) * f64::from(1 << (k / 2)) / 64.0).collect();
         if deep > 0.0157 && steps.iter().any(|step| near(deep, *step)) || near(deep, 0.0157) {
