@@ -200,7 +200,8 @@ impl Renderer {
             if let Some(content) = &state.content {
                 self.panorama.upload(frame, content)?;
             }
-            self.scene.upload(frame, &state.packed, &state.instances, &state.movers, self.plan.facts.luminance)?;
+            let movers = [&state.movers[..], state.touching.as_deref().unwrap_or_default()].concat();
+            self.scene.upload(frame, &state.packed, &state.instances, &movers, self.plan.facts.luminance)?;
             self.upload_views(frame, state)
         })?;
         self.scene.follow(frame, &state.instances)
@@ -257,7 +258,8 @@ impl Renderer {
             }
         };
         let gbuffer = gbuffer.ok_or_else(|| Error::Internal("no gbuffer for this view".into()))?;
-        gbuffer.record(frame, view, &self.panorama.resources, &self.scene, kept[REAL as usize])
+        let kept = kept[REAL as usize] && state.touching.is_some();
+        gbuffer.record(frame, view, &self.panorama.resources, &self.scene, kept)
     }
 
     /// Records passes 2 to 5 on a view whose rays see `relit`.

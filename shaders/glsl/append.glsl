@@ -40,18 +40,27 @@ void append_pixels(bvec2 wanted, ivec2 p) {
         if (wanted[layer]) APPENDED.item[uint(layer) * pixels + append_first[layer] + slot[layer]] = uint(p.x) | uint(p.y) << 16u;
 }
 
-shared uint tile_holds[2];
+// What a tile holds, of tile_holds: a bit for each layer, and this.
+const uint TILE_REFLECTS = 4u; // a smooth virtual surface
 
-// Puts this group's tile into the list of each layer of which a pixel in it shows a surface.
-void append_tile(bool real, bool virtual_surface) {
+// Puts a tile into the list of those in which a layer holds surfaces.
+void hold_tile(ivec2 tile, uint layer) {
+    uvec2 tiles = tile_count();
+    uint place = atomicAdd(out_held_arguments.word[layer * 4u + 3u], 1u);
+    out_held_tiles.item[layer * tiles.x * tiles.y + place] = uint(tile.x) | uint(tile.y) << 16u;
+}
+
+shared uint tile_holds[3];
+
+// Puts a group's tile into the list of each layer of which a pixel in it shows a surface.
+void append_tile(ivec2 tile, bool real, bool virtual_surface, bool reflects) {
     uint local = gl_LocalInvocationIndex;
-    if (local < 2u) tile_holds[local] = 0u;
+    if (local < 3u) tile_holds[local] = 0u;
     barrier();
     if (real) tile_holds[REAL] = 1u;
     if (virtual_surface) tile_holds[VIRTUAL] = 1u;
+    if (reflects) tile_holds[2] = 1u;
     barrier();
-    if (local >= 2u || tile_holds[local] == 0u) return;
-    uvec2 tiles = tile_count();
-    uint place = atomicAdd(out_held_arguments.word[local * 4u + 3u], 1u);
-    out_held_tiles.item[local * tiles.x * tiles.y + place] = gl_WorkGroupID.x | gl_WorkGroupID.y << 16u;
+    if (local < 2u && tile_holds[local] != 0u) hold_tile(tile, local);
+    if (local == 0u) out_tile_holds.item[uint(tile.y) * tile_count().x + uint(tile.x)] = tile_holds[0] + 2u * tile_holds[1] + TILE_REFLECTS * tile_holds[2];
 }

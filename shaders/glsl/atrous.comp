@@ -80,7 +80,7 @@ void main() {
     vec2 within = vec2(FAR);
     float part = 0.0;
     if (push.sigma_luminance < FAR && FAULT != FAULT_FILTER_BLIND) {
-        vec2 deviation = FIRST != 0u && RAW == 0u ? smooth_deviation(p) : light.deviation;
+        vec2 deviation = FIRST != 0u && RAW == 0u ? max(smooth_deviation(p), light.deviation) : light.deviation;
         // What nobody sees may be smoothed away, however well it is known, so that no grain is kept.
         vec2 unseen = vec2(LAYER == REAL ? push.unseen * luma.x * in_view.view.light_units.y / in_view.view.light_units.x : 0.0);
         part = 0.5 * push.sigma_luminance;

@@ -3,15 +3,17 @@
 // Pass 1, gbuffer (second dispatch): the fraction M of each pixel that shows the real scene, 0 or 1 except at
 // silhouettes, where the 3×3 neighbourhood holds both kinds of surface. It lists silhouettes, the pixels beside
 // which another object or material is seen, and the tiles that the later passes visit.
-// In: camera_radiance.w (M at the centre), guide, hit; materials of the scene. Out: coverage; guide of real
+// In: camera_radiance.w (M at the centre), guide, hit, reflected of the last frame; materials of the scene. Out: coverage; guide of real
 // surfaces, marked where they are hidden and so not lit; list, tiles.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"
 #include "append.glsl"
+#include "tiles.glsl"
 #include "guide.glsl"
 #include "scene.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 28) const uint KEPT = 0; // as in gbuffer
 
 // What is seen at a pixel's centre: the object, and its material.
 uvec2 shown(uvec4 hit) { return uvec2(hit.x, hit.x != NONE ? in_shading.triangle[hit.y].material : 0u); }
@@ -32,8 +34,9 @@ bool inner_edge(ivec2 p) {
 }
 
 void main() {
+    if (KEPT != 0u && list_group() >= in_tile_arguments.word[3]) return;
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
-    bool inside = all(lessThan(p, ivec2(in_view.view.size)));
+    bool inside = KEPT != 0u ? tile_pixel(REAL, p) : all(lessThan(p, ivec2(in_view.view.size)));
     float centre = imageLoad(in_camera_radiance, p).w;
     float sum = 0.0, count = 0.0;
     [[unroll]] for (int y = -1; y <= 1; y++) {
@@ -56,5 +59,6 @@ void main() {
     }
     if (inside && hidden) imageStore(out_mask, ivec3(p, REAL), vec4(0.0));
     append_pixels(bvec2(silhouette || (inside && inner_edge(p)), false), p);
-    append_tile(real, silhouette || left || (inside && centre == 0.0));
+    bool reflects = REFLECTIONS != 0u && inside && imageLoad(in_reflected, p).z != 0.0;
+    append_tile(p / 8, real, silhouette || left || (inside && centre == 0.0), reflects);
 }

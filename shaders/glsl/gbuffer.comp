@@ -13,6 +13,7 @@
 #include "parts.glsl"
 #include "bind/images.glsl"
 #include "append.glsl"
+#include "tiles.glsl"
 #include "panorama.glsl"
 #include "trace.glsl"
 #include "scene.glsl"
@@ -21,11 +22,11 @@
 #include "gbuffer.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 39) const uint PAST = 0; // 1: later passes ask what the last frame showed
-layout(constant_id = 28) const uint KEPT = 0; // 1: what is real is kept from the last frame
+layout(constant_id = 28) const uint KEPT = 0; // 1: what is real is kept from the last frame, and objects where nothing moves
 
 void main() {
     ivec2 p = ivec2(gl_GlobalInvocationID.xy);
-    bool inside = all(lessThan(p, ivec2(in_view.view.size)));
+    bool inside = KEPT != 0u ? tile_pixel(REAL, p) : all(lessThan(p, ivec2(in_view.view.size)));
     vec2 pixel = vec2(p) + 0.5;
     vec3 origin = view_origin(pixel), d = view_direction(pixel);
     RealPoint real;
@@ -76,5 +77,5 @@ void main() {
         imageStore(guide, ivec3(p, REAL), real.t < FAR ? seen : uvec4(0u));
     }
     if (VIRTUAL_SURFACES != 0u) append_pixels(bvec2(false, met), p);
-    else append_tile(has_real, false);
+    else append_tile(p / 8, has_real, false, false);
 }

@@ -69,13 +69,14 @@ float path_count(ivec2 p, int layer, uvec4 guide) {
     bool turn = DENSE != 0u || tile_is_dense(layer)
         || in_turn(p, BY_DISCONTINUITY != 0u ? discontinuity_share(p, layer, guide) : in_view.view.rays_per_16)
         || (layer == VIRTUAL && guide_roughness(guide) < push.sharp_roughness);
-    bool early = EARLY != 0u && layer == VIRTUAL;
-    if (turn && !early) return 1.0;
+    float most = EARLY != 0u && layer == VIRTUAL ? push.early_paths : 1.0;
+    if (turn && most <= 1.0) return 1.0;
     if (push.short_history == 0u) return turn ? 1.0 : 0.0;
     // Newly seen surfaces trace every pixel until they have some history.
     vec2 limit = history_limit(p, layer, push.history_change), length = history_length(p, layer, guide), left = min(length, limit);
     // Where light changes all the time, no history grows long.
-    if (early && min(length.x, length.y) < push.early_history && min(limit.x, limit.y) >= push.early_history) return push.early_paths;
+    float young = push.early_history * most / push.early_paths;
+    if (EARLY != 0u && min(length.x, length.y) < young && min(limit.x, limit.y) >= 2.0 * young) return most;
     return turn || min(left.x, left.y) < float(push.short_history) ? 1.0 : 0.0;
 }
 

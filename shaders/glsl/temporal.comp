@@ -40,7 +40,7 @@ const History NOTHING = History(vec3(0.0), vec3(0.0), vec2(0.0), vec2(0.0));
 
 // The variance of a mean of n points of a sequence, in units of that of one point: it errs less than the mean of n
 // points by chance.
-vec2 of_mean(vec2 n) { return 1.0 / (n * sqrt(sqrt(n))); }
+vec2 of_mean(vec2 n) { return 1.0 / n; }
 
 vec2 counted(vec2 frames) {
     vec2 limit = vec2(LAYER == REAL ? in_view.view.history_limit_real : in_view.view.history_limit, in_view.view.history_limit);

@@ -24,8 +24,9 @@ pub struct Look {
 /// The pass that finds what each pixel shows.
 pub struct Gbuffer {
     centre: Kernel,
-    /// The same where real surfaces are kept from the last frame.
-    moved: Option<Kernel>,
+    /// Where real surfaces are kept from the last frame, and objects away from what moves: `touched`, and the same and
+    /// `coverage` on the tiles that it lists.
+    kept: Option<[Kernel; 3]>,
     /// Runs if objects are in view.
     objects: Option<Objects>,
 }
@@ -69,23 +70,30 @@ impl Gbuffer {
         };
         let kernel =
             |name, shader, constants: &[&[Constant]]| Kernel::new::<()>(gpu, name, shader, &constants.concat());
+        let coverage = [projection, plan.constant(Part::Reflections)];
         let objects = || {
             Ok(Objects {
-                coverage: kernel("coverage", shaders::COVERAGE, &[&[projection]])?,
+                coverage: kernel("coverage", shaders::COVERAGE, &[&coverage])?,
                 silhouette: kernel("silhouette", silhouette, &[&material, &rays])?,
                 surface: kernel("surface", shaders::SURFACE, &[&material])?,
             })
         };
-        let moved = || kernel("gbuffer", visible, &[&rays, &centre, &[("KEPT", 1)]]);
+        let kept = || {
+            Ok([
+                kernel("touched", shaders::TOUCHED, &[&[projection]])?,
+                kernel("gbuffer", visible, &[&rays, &centre, &[("KEPT", 1)]])?,
+                kernel("coverage", shaders::COVERAGE, &[&coverage, &[("KEPT", 1)]])?,
+            ])
+        };
         Ok(Self {
             centre: kernel("gbuffer", visible, &[&rays, &centre])?,
-            moved: (in_view && plan.on(Part::Motion)).then(moved).transpose()?,
+            kept: (in_view && plan.on(Part::Motion)).then(kept).transpose()?,
             objects: in_view.then(objects).transpose()?,
         })
     }
 
     /// Records the dispatches: for all pixels, and if objects are in view for silhouettes and for the pixels
-    /// that show objects. `kept` says that the images hold what is real already.
+    /// that show objects. `kept` says that the images hold already what is real, and objects that moved nowhere.
     pub fn record(
         &self,
         frame: &mut Frame,
@@ -94,17 +102,27 @@ impl Gbuffer {
         scene: &SceneBuffers,
         kept: bool,
     ) -> Result<()> {
-        let centre = self.moved.as_ref().filter(|_| kept).unwrap_or(&self.centre);
+        let kept = self.kept.as_ref().filter(|_| kept);
         let all = || Threads::Size([view.size[0], view.size[1], 1]);
+        let tiles = || if kept.is_some() { view.tiles(REAL) } else { all() };
         let pools = [&view.resources, panorama, &scene.resources];
         frame.scope("gbuffer", |frame| {
             frame.fill(&view.arguments, 0);
             frame.fill(&view.held_arguments, 0);
             frame.barrier("gbuffer counts from zero");
-            centre.dispatch(frame, &[], &pools, &(), all())?;
+            if let Some([touched, ..]) = kept {
+                frame.fill(&view.tile_arguments, 0);
+                frame.barrier("touched counts from zero");
+                let [width, height] = view.size.map(|side| side.div_ceil(8));
+                touched.dispatch(frame, &[], &pools, &(), Threads::Size([width * height, 1, 1]))?;
+                frame.barrier("gbuffer visits the tiles that touched lists");
+            }
+            let centre = kept.map_or(&self.centre, |[_, centre, _]| centre);
+            centre.dispatch(frame, &[], &pools, &(), tiles())?;
             let Some(objects) = &self.objects else { return Ok(()) };
             frame.barrier("coverage reads its neighbours' visibility");
-            objects.coverage.dispatch(frame, &[], &pools, &(), all())?;
+            let coverage = kept.map_or(&objects.coverage, |[.., coverage]| coverage);
+            coverage.dispatch(frame, &[], &pools, &(), tiles())?;
             frame.barrier("surface reads M at the centre");
             objects.surface.dispatch(frame, &[], &pools, &(), view.listed(VIRTUAL))?;
             frame.barrier("silhouette goes on with what surface found at the centre");

@@ -72,7 +72,8 @@ impl SamplingMask {
                 pixels.push(kernel(layer, stands)?);
             }
         }
-        let turns_after = turns.then_some(settings.short_history);
+        let young = if is_early(plan, role) { early_history(settings) / settings.early_paths as f32 } else { 0.0 };
+        let turns_after = turns.then_some(settings.short_history.max(young as u32));
         let rests = ("RESTS", u32::from(super::atrous::tells_noise(settings, role)));
         let constants = [
             plan.constant(Part::LightTable),
@@ -104,7 +105,7 @@ impl SamplingMask {
             mask_distance: settings.mask_distance,
             history_change: settings.history_change,
             early_paths: settings.early_paths as f32,
-            early_history: settings.early_history as f32,
+            early_history: early_history(settings),
         };
         let turns = self.turns_after.is_some_and(|frames| steady > frames);
         frame.scope("sampling_mask", |frame| {
@@ -133,9 +134,17 @@ impl SamplingMask {
     }
 }
 
-/// The constant that says whether new virtual surfaces in the picture get several paths in a frame.
+/// The constant that says whether what is new in the picture is traced more often.
 pub fn early(plan: &Plan, role: Role) -> Constant {
-    let Settings { early_paths, early_history, filter_order, .. } = plan.settings;
-    let counted = plan.on(Part::Temporal) && filter_order == FilterOrder::TemporalFirst;
-    ("EARLY", u32::from(role == Role::Picture && counted && early_paths > 1 && early_history > 0))
+    ("EARLY", u32::from(is_early(plan, role)))
+}
+
+fn is_early(plan: &Plan, role: Role) -> bool {
+    let Settings { early_history, filter_order, .. } = plan.settings;
+    role == Role::Picture && plan.on(Part::Temporal) && filter_order == FilterOrder::TemporalFirst && early_history > 0
+}
+
+/// Returns how many paths a history holds that is no longer young: fewer than it may hold, so that it gets there.
+fn early_history(settings: &Settings) -> f32 {
+    (settings.early_history as f32).min(settings.history as f32 * (15.0 / 16.0))
 }

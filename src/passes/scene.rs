@@ -50,7 +50,7 @@ impl SceneBuffers {
         let top = gpu.buffer("instances", (instances * size_of::<Instance>()) as u64)?;
         add("instances", top.clone());
         // what was there and what is there
-        let movers = gpu.buffer("movers", (2 * (instances + lights) * size_of::<Mover>()) as u64)?;
+        let movers = gpu.buffer("movers", (4 * (instances + lights) * size_of::<Mover>()) as u64)?;
         add("movers", movers.clone());
         let shining = Shining::of(scene);
         let most = shining.most(scene.nodes.iter().enumerate().map(|(index, _)| index as u32)) * instances.max(1);

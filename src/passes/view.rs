@@ -47,6 +47,7 @@ gpu_struct! {
         pub instance_count: u32,
         pub light_count: u32,
         pub mover_count: u32,
+        pub touching_count: u32,
         pub new_video: u32,
         pub bounces: u32,
         pub coverage_samples: u32,
@@ -369,6 +370,7 @@ impl View {
         };
         buffer("list", "list", list)?;
         buffer("held_tiles", "held tiles", tiles)?;
+        buffer("tile_holds", "tile holds", tiles)?;
         buffer("changes", "changes", 4 * tiles)?;
         buffer("followed", "followed", 2 * tiles)?;
         buffer("tiles", "tiles", tiles)?;

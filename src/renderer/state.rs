@@ -32,6 +32,8 @@ pub(super) struct FrameState {
     pub packed: Arc<PackedScene>,
     /// The instances that have moved.
     pub movers: Vec<Mover>,
+    /// Where objects may look different from the last frame, if that is known ([`Movers::touching`]).
+    pub touching: Option<Vec<Mover>>,
     /// Whether the light of the real scene is another than in the frame before.
     pub new_light: bool,
     /// Whether the relit panorama is made again.
@@ -85,6 +87,7 @@ impl Renderer {
         }
         let (centre, unit) = (scene.panorama.position, self.plan.facts.luminance);
         let mut movers = self.movers.advance(&scene.packed, &mut state.instances, centre, unit);
+        let touching = self.movers.touching(&state.instances, &movers);
         if !self.plan.on(Part::Motion) || planted!(self, HistoryKept) {
             movers.clear();
         }
@@ -94,7 +97,18 @@ impl Renderer {
         let relight = !wishes.hold_relight || self.relight.iter().any(|view| view.history_reset.is_some());
         let pose = time as f32;
         let packed = scene.packed.clone();
-        let state = FrameState { video_frame, content, instances, packed, movers, new_light, relight, viewpoint, pose };
+        let state = FrameState {
+            video_frame,
+            content,
+            instances,
+            packed,
+            movers,
+            touching,
+            new_light,
+            relight,
+            viewpoint,
+            pose,
+        };
         let maps = if relight { &mut self.relight[..] } else { &mut [] };
         for view in std::iter::once(&mut self.picture).chain(maps) {
             view.begin_frame(&state.shown_in(view));
@@ -132,7 +146,7 @@ impl Renderer {
         }
         self.scene.submitted();
         self.previous_time = Some(time);
-        self.frame += 1;
+        self.frame = self.frame.wrapping_add(1);
     }
 
     /// Drops the history of the picture and of the relit panorama.

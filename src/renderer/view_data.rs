@@ -48,6 +48,7 @@ impl Renderer {
             instance_count: state.instances.instances.len() as u32,
             light_count: state.instances.lights.len() as u32,
             mover_count: state.movers.len() as u32,
+            touching_count: state.touching.as_ref().map_or(0, Vec::len) as u32,
             new_video: u32::from(state.new_light && !planted!(self, HistoryKept)),
             bounces: settings.bounces,
             coverage_samples: settings.coverage_samples,

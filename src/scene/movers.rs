@@ -12,6 +12,10 @@ use std::collections::HashMap;
 #[derive(Clone, Debug, Default)]
 pub struct Movers {
     before: HashMap<u32, (Instance, Bounds)>,
+    /// The ids of all instances in the last frame, in order.
+    order: Vec<u32>,
+    /// What had moved in the last frame.
+    moved: Vec<Mover>,
     lights: Option<Vec<Punctual>>,
 }
 
@@ -49,6 +53,17 @@ impl Movers {
         movers.extend(before.values().filter_map(|(gone, bounds)| mover(packed, (gone, *bounds), true, centre, unit)));
         movers.extend(self.moved_lights(&state.lights, centre, unit));
         movers
+    }
+
+    /// Returns spheres outside of which objects look as they did in the last frame, from the same place. A surface that
+    /// has stopped looks different once more, as its motion ends. Returns `None` if objects have come, gone or changed
+    /// places. `movers` is what [`Movers::advance`] returned.
+    pub fn touching(&mut self, state: &PackedInstances, movers: &[Mover]) -> Option<Vec<Mover>> {
+        let order: Vec<u32> = state.instances.iter().map(|instance| instance.id).collect();
+        let objects: Vec<Mover> = movers.iter().filter(|mover| mover.id != NONE).copied().collect();
+        let same = std::mem::replace(&mut self.order, order) == self.order;
+        let before = std::mem::replace(&mut self.moved, objects.clone());
+        same.then(|| [objects, before].concat())
     }
 
     /// Takes down the lights, and returns those that are not what they were.

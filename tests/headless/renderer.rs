@@ -95,6 +95,44 @@ fn pixels_that_no_object_changes_keep_their_bits() {
 }
 
 #[test]
+fn what_nothing_touches_is_kept() {
+    validated(|gpu| {
+        let from = vec3(-0.7, -0.2, -1.2);
+        let mover = moving(ball(0.2, lambert(0.5), from), from, vec3(0.7, -0.2, -1.2));
+        let rest = [
+            ball(0.3, lambert(0.3), vec3(0.1, -0.3, -1.8)),
+            ball(0.25, metal(0.0), vec3(-0.8, -0.3, -1.6)),
+            ball(0.2, metal(0.6), vec3(0.9, -0.5, -0.6)),
+        ];
+        let shape = growing(vec3(0.0, 0.6, 1.5));
+        let objects = [vec![mover, shape], rest.to_vec()].concat();
+        let scene = scene(small_room(), camera(Vec3::ZERO, vec3(0.0, -0.2, -1.0), 80.0), objects);
+        let names = ["position_virtual", "normal_virtual", "albedo_virtual", "motion_virtual", "real_coverage", "hit"];
+        for projection in [Projection::Perspective, Projection::Equirect] {
+            let options = RenderOptions { size: [160, 80], projection, ..options(Method::Iprt, &[]) };
+            let mut running = Renderer::new(gpu, &scene, options.clone()).expect("fits");
+            // it goes, stands, and goes again
+            let times = [0.0, 0.0, 0.0, 0.2, 0.4, 0.4, 0.4, 0.6, 0.9];
+            for (frame, time) in times.into_iter().enumerate() {
+                running.render(&scene, time).expect("renders");
+                if frame == 0 {
+                    continue;
+                }
+                let mut fresh = Renderer::new(gpu, &scene, options.clone()).expect("fits");
+                fresh.render(&scene, times[frame - 1]).expect("renders");
+                fresh.render(&scene, time).expect("renders");
+                for name in names {
+                    assert!(aov(&running, name) == aov(&fresh, name), "{name} of frame {frame}, {projection:?}");
+                }
+                let [seen, mask] = ["position_virtual", "mask_virtual"].map(|name| aov(&running, name));
+                let visited = |(seen, mask): (&[f32; 4], &[f32; 4])| (*seen == [0.0; 4]) == (mask[0] == 0.0);
+                assert!(seen.iter().zip(&mask).all(visited), "frame {frame}, {projection:?}: surfaces are visited");
+            }
+        }
+    });
+}
+
+#[test]
 fn same_seed_same_bits() {
     validated(|gpu| {
         let from = vec3(-0.5, -0.6, -1.6);

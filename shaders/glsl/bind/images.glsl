@@ -78,7 +78,10 @@ layout(set = 0, binding = 87, scalar) writeonly buffer FollowedWritten { vec4 it
 // Two words for each tile of real surfaces, float bits: the most that its light, once filtered, errs by chance, and the
 // most that objects change it, both relative.
 layout(set = 0, binding = 58, scalar) buffer TileLight { uint item[]; } tile_light;
-// Of these the ones that passes visit this frame.
+// What each tile holds (append.glsl).
+layout(set = 0, binding = 106, scalar) readonly buffer TileHoldsRead { uint item[]; } in_tile_holds;
+layout(set = 0, binding = 107, scalar) writeonly buffer TileHoldsWritten { uint item[]; } out_tile_holds;
+// Of the tiles that hold anything those that passes visit this frame; before that, those in which gbuffer looks for objects.
 layout(set = 0, binding = 69, scalar) readonly buffer TilesRead { uint item[]; } in_tiles;
 layout(set = 0, binding = 70, scalar) writeonly buffer TilesWritten { uint item[]; } out_tiles;
 // Of the list of real surfaces, what aim leaves.

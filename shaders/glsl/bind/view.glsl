@@ -30,6 +30,7 @@ struct View {
     uint instance_count;
     uint light_count;        // lights without a surface
     uint mover_count;        // instances and such lights that have moved since the last frame
+    uint touching_count;     // in the list of movers behind these: spheres outside of which objects look as they did
     uint new_video;          // 1: the video frame is another than in the last frame
     uint bounces;
     uint coverage_samples;
