@@ -75,7 +75,7 @@ void main() {
     vec2 luma = vec2(luminance(light.a), luminance(light.b));
     // A short history has no variance of its own: the first level then ignores luminance and measures the
     // variance.
-    bool measure = FIRST != 0u && (RAW != 0u || imageLoad(in_frames, ivec3(p, LIGHT_NOW(LAYER))).y < 12.0) || !known;
+    bool measure = FIRST != 0u && (RAW != 0u || imageLoad(in_frames, ivec3(p, LIGHT_NOW(LAYER))).y < 8.0) || !known;
     // How far luminance may be off: by the noise of both, so that what is bright by chance is shared out.
     vec2 within = vec2(FAR);
     float part = 0.0;

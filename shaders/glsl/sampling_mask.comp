@@ -76,7 +76,7 @@ float path_count(ivec2 p, int layer, uvec4 guide) {
     vec2 limit = history_limit(p, layer, push.history_change), length = history_length(p, layer, guide), left = min(length, limit);
     // Where light changes all the time, no history grows long.
     float young = push.early_history * most / push.early_paths;
-    if (EARLY != 0u && min(length.x, length.y) < young && min(limit.x, limit.y) >= 2.0 * young) return most;
+    if (EARLY != 0u && min(length.x, length.y) < young && min(limit.x, limit.y) >= 2.0 * push.early_history) return most;
     return turn || min(left.x, left.y) < float(push.short_history) ? 1.0 : 0.0;
 }
 
