@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(long, value_name = "A..B", default_value = "0..29")]
     pub frames: String,
     /// Number of frames that are run before frame A, held at A
-    #[arg(long, default_value_t = 5)]
+    #[arg(long, default_value_t = 16)]
     pub warmup: u32,
     /// Measure the panorama's tracer instead, in million rays a second, by kind of ray and by size of the
     /// depth map

@@ -14,9 +14,11 @@ use std::{
     time::Instant,
 };
 
-/// The number of frames of a new renderer whose times do not count: shaders are compiled, and the history is
-/// short.
+/// The number of frames of a new renderer whose times do not count anywhere: shaders are compiled.
 pub const WARM_UP: u32 = 5;
+
+/// The number of frames of a new renderer whose times do not count in a chart: surfaces are young, and take more paths.
+pub const STEADY: u32 = 16;
 
 /// A frame that has finished.
 #[derive(Clone, Debug)]
@@ -54,14 +56,19 @@ pub fn frames(
     Ok(samples)
 }
 
-/// Collects the times of one renderer's frames, without its first [`WARM_UP`] frames.
-#[derive(Default)]
+/// Collects the times of one renderer's frames, without its first ones.
 pub struct FrameClock {
+    warm_up: u32,
     frames: u32,
     timed: Vec<Sample>,
 }
 
 impl FrameClock {
+    /// A clock that leaves out this many frames.
+    pub const fn after(warm_up: u32) -> Self {
+        Self { warm_up, frames: 0, timed: Vec::new() }
+    }
+
     /// Renders `count` frames of a still scene at `time`, in seconds. `each` is called after every frame.
     ///
     /// # Errors
@@ -76,7 +83,7 @@ impl FrameClock {
     ) -> Result<()> {
         let times = std::iter::repeat_n(time, count as usize);
         let samples = frames(renderer, scene, times, &Wishes::default(), &mut each)?;
-        self.timed.extend(samples.into_iter().skip(WARM_UP.saturating_sub(self.frames) as usize));
+        self.timed.extend(samples.into_iter().skip(self.warm_up.saturating_sub(self.frames) as usize));
         self.frames += count;
         Ok(())
     }

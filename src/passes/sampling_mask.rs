@@ -139,9 +139,10 @@ pub fn early(plan: &Plan, role: Role) -> Constant {
     ("EARLY", u32::from(is_early(plan, role)))
 }
 
+/// A picture of a single frame is as young as the first of many, though the plan leaves `temporal` out.
 fn is_early(plan: &Plan, role: Role) -> bool {
     let Settings { early_history, filter_order, .. } = plan.settings;
-    role == Role::Picture && plan.on(Part::Temporal) && filter_order == FilterOrder::TemporalFirst && early_history > 0
+    role == Role::Picture && plan.wants_history() && filter_order == FilterOrder::TemporalFirst && early_history > 0
 }
 
 /// Returns how many paths a history holds that is no longer young: fewer than it may hold, so that it gets there.

@@ -67,7 +67,18 @@ impl PartialEq for Plan {
             let on: Vec<bool> = plan.parts.iter().map(|part| part.on).collect();
             let Facts { projection, of_eye, color_size, depth_size, .. } = plan.facts;
             let slots = plan.constant(Part::Textures);
-            (on, plan.size, projection, of_eye, plan.looks_up(), plan.color_levels(), color_size, depth_size, slots)
+            (
+                on,
+                plan.wants_history(),
+                plan.size,
+                projection,
+                of_eye,
+                plan.looks_up(),
+                plan.color_levels(),
+                color_size,
+                depth_size,
+                slots,
+            )
         };
         // switches of parts have no effect besides the parts themselves
         let switches = |name: &str| Part::ALL.iter().any(|part| part.is_switch() && part.row().setting == name);
@@ -266,6 +277,11 @@ impl Plan {
     /// Whether a part is on.
     pub fn on(&self, part: Part) -> bool {
         self.parts.iter().any(|decision| decision.part == part && decision.on)
+    }
+
+    /// Whether light is accumulated, or would be if more frames than one were asked for.
+    pub const fn wants_history(&self) -> bool {
+        self.asked.temporal
     }
 
     /// The decision on a part for people to read: `specular is off: all materials are pure Lambert`.

@@ -15,7 +15,7 @@ use crate::{
             Candidate, Expected, FRAMES, Sheet, TRADED, Target, choose, error, fixed_shares, quick,
             store::{Store, given},
         },
-        clock::{FrameClock, Round, WARM_UP, median},
+        clock::{FrameClock, Round, STEADY, median},
         score::{Scorer, Scores},
     },
     options::RenderOptions,
@@ -51,12 +51,12 @@ pub(super) fn work(chart: &ChartOptions) -> u64 {
 }
 
 fn choice_work(chart: &ChartOptions) -> u64 {
-    u64::from(frames(chart)) + 4 * u64::from(WARM_UP + LARGER)
+    u64::from(frames(chart)) + 4 * u64::from(STEADY + LARGER)
 }
 
 /// Number of frames that is enough for the main picture and for times.
 fn frames(chart: &ChartOptions) -> u32 {
-    chart.main_frames().max(WARM_UP + LARGER)
+    chart.main_frames().max(STEADY + LARGER)
 }
 
 impl Chooser<'_> {
@@ -119,7 +119,8 @@ impl Chooser<'_> {
             without_objects: false,
             eye: 0.0,
         };
-        let (mut renderer, mut clock) = (Renderer::new(self.gpu, self.scene, options.clone())?, FrameClock::default());
+        let (mut renderer, mut clock) =
+            (Renderer::new(self.gpu, self.scene, options.clone())?, FrameClock::after(STEADY));
         let main = self.chart.main_frames();
         self.still(&mut renderer, &mut clock, main)?;
         let flip = self.error(&self.scorer.score(&renderer.picture()?)?);
@@ -127,8 +128,8 @@ impl Chooser<'_> {
         let measured = Expected { ms: clock.round(&renderer).median_ms(), flip };
         drop(renderer);
         let larger = RenderOptions { size: larger_size, ..options };
-        let (mut renderer, mut clock) = (Renderer::new(self.gpu, self.scene, larger)?, FrameClock::default());
-        self.still(&mut renderer, &mut clock, WARM_UP + LARGER)?;
+        let (mut renderer, mut clock) = (Renderer::new(self.gpu, self.scene, larger)?, FrameClock::after(STEADY));
+        self.still(&mut renderer, &mut clock, STEADY + LARGER)?;
         Ok((measured, clock.round(&renderer).median_ms()))
     }
 

@@ -3,7 +3,7 @@
 use super::{choices, rounds::TIMED, sweep::PointSpec};
 use crate::{
     Result,
-    measure::clock::WARM_UP,
+    measure::clock::STEADY,
     options::RenderOptions,
     reference::cache,
     scene::{CompleteScene, Scene, viewpoint::Projection},
@@ -95,7 +95,7 @@ impl ChartOptions {
 
     /// Number of still frames in the first round: as many as are scored, and enough to be timed.
     pub fn first_frames(&self, spec: &PointSpec) -> u32 {
-        spec.frames.or(self.frames.last().copied()).unwrap_or(0).max(WARM_UP + TIMED)
+        spec.frames.or(self.frames.last().copied()).unwrap_or(0).max(STEADY + TIMED)
     }
 
     /// The largest of [`ChartOptions::frames`] up to 16, or the least of them if all are larger.
@@ -106,7 +106,7 @@ impl ChartOptions {
 
     /// Number of frames in a later round: enough to be timed, and enough for the pictures that it scores.
     pub fn again_frames(&self, spec: &PointSpec) -> u32 {
-        self.again_looks(spec).last().copied().unwrap_or(0).max(WARM_UP + TIMED)
+        self.again_looks(spec).last().copied().unwrap_or(0).max(STEADY + TIMED)
     }
 
     /// Numbers of frames after which a later round scores the still picture. A method is looked at as often as
@@ -115,7 +115,7 @@ impl ChartOptions {
         let main = self.main_frames_of(spec);
         if spec.is_method() {
             self.frames.clone()
-        } else if main <= 2 * (WARM_UP + TIMED) {
+        } else if main <= 2 * (STEADY + TIMED) {
             vec![main]
         } else {
             Vec::new()

@@ -11,7 +11,7 @@ use crate::{
     Result,
     gpu::Gpu,
     measure::{
-        clock::{self, FrameClock, Round, RoundScores, Spread, WARM_UP},
+        clock::{self, FrameClock, Round, RoundScores, STEADY, Spread},
         metrics::Picture,
         score::{REGIONS, Scorer},
         sequence::{self, Sequence},
@@ -57,9 +57,9 @@ pub(super) fn first(gpu: &Gpu, task: &Task, key: &str, keep: Keep) -> Result<Cha
     let mut renderer = renderer(gpu, task)?;
     let looks = spec.frames.map_or_else(|| chart.frames.clone(), |frames| vec![frames]);
     let last = chart.first_frames(spec);
-    let is_steady = |frame: u32| spec.cost == CostUnit::Frame && frame > WARM_UP && frame + TIMED > last;
+    let is_steady = |frame: u32| spec.cost == CostUnit::Frame && frame > STEADY && frame + TIMED > last;
     let is_read = |frame: &u32| looks.contains(frame) || is_steady(*frame) || *frame == last;
-    let mut clock = FrameClock::default();
+    let mut clock = FrameClock::after(STEADY);
     let (mut outcomes, mut steady) = (Vec::new(), Vec::new());
     let mut rendered = 0;
     for frame in (1..=last).filter(is_read) {
@@ -125,7 +125,7 @@ fn play(task: &Task, renderer: &mut Renderer, keep: Keep) -> Result<bool> {
 /// pictures, those of any other point of the main picture, where that takes few frames.
 pub(super) fn another(gpu: &Gpu, task: &Task, keep: Keep) -> Result<Round> {
     let mut renderer = renderer(gpu, task)?;
-    let mut clock = FrameClock::default();
+    let mut clock = FrameClock::after(STEADY);
     let last = task.chart.again_frames(task.spec);
     let (mut scores, mut rendered) = (Vec::new(), 0);
     let mut score = |renderer: &Renderer, frames: u32, moving: bool| -> Result<()> {

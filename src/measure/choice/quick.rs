@@ -5,7 +5,7 @@ use crate::{
     Result,
     gpu::Gpu,
     measure::{
-        clock::{FrameClock, Round},
+        clock::{FrameClock, Round, WARM_UP},
         regions::{self, Regions, of_scene},
         score::{RealView, TruthKind, Yardstick, real_view},
     },
@@ -161,7 +161,7 @@ fn still(
     tick: &mut dyn FnMut(),
 ) -> Result<(Round, Vec<[f32; 4]>)> {
     let mut renderer = Renderer::new(gpu, scene, options)?;
-    let mut clock = FrameClock::default();
+    let mut clock = FrameClock::after(WARM_UP);
     clock.still(&mut renderer, scene, scene.panorama.frame_time(0), frames, || {
         tick();
         keep.go_on(&scene.name)
