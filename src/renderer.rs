@@ -258,7 +258,8 @@ impl Renderer {
             }
         };
         let gbuffer = gbuffer.ok_or_else(|| Error::Internal("no gbuffer for this view".into()))?;
-        let kept = kept[REAL as usize] && state.touching.is_some();
+        // Two frames of this very view tell where objects are, and which of them reflect: another may have had its turn.
+        let kept = kept[REAL as usize] && state.touching.is_some() && view.still_frames(REAL, &real) > 1;
         gbuffer.record(frame, view, &self.panorama.resources, &self.scene, kept)
     }
 

@@ -272,7 +272,7 @@ settings! {
         rays_per_pixel: f32 = [0.25, 0.25, 0.25, 1.0], [0.0625, 1.0], "paths a pixel and frame", "the share that `mask_by = history` traces, in sixteenths";
         short_history: u32 = [4, 0, 4, 0], [0.0, 64.0], "frames", "pixels with a shorter history are traced whatever the mask says; 0: none are";
         early_paths: u32 = [4, 1, 4, 1], [1.0, 16.0], "paths a pixel and frame", "paths of a young virtual surface";
-        early_history: u32 = [60, 0, 60, 0], [0.0, 1024.0], "paths", "until its history is as long a virtual surface is young, and a real one until it has lasted as many frames: that is traced at every pixel; none is young whose history may not grow twice as long, by `history_change`";
+        early_history: u32 = [60, 0, 60, 0], [0.0, 1024.0], "paths", "a virtual surface is young until its history is as long; a real one for `early_history`/`early_paths` frames, in which it is traced at every pixel; none is young whose history may not grow twice as long, by `history_change`";
         rest_noise: f32 = [0.02, 0.0, 0.02, 0.0], [0.0, 1.0], "of the light", "while real surfaces stand still, tiles of them in which light errs by less than this have a quarter of their turns; 0: none rests";
         sharp_roughness: f32 = [0.3, 0.0, 0.3, 0.0], [0.0, 1.0], "", "virtual surfaces smoother than this are traced at every pixel";
         mask_angle: f32 = [10.0, 10.0, 10.0, 10.0], [0.0, 180.0], "degrees", "neighbouring normals farther apart are a discontinuity";

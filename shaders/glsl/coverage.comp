@@ -3,8 +3,8 @@
 // Pass 1, gbuffer (second dispatch): the fraction M of each pixel that shows the real scene, 0 or 1 except at
 // silhouettes, where the 3×3 neighbourhood holds both kinds of surface. It lists silhouettes, the pixels beside
 // which another object or material is seen, and the tiles that the later passes visit.
-// In: camera_radiance.w (M at the centre), guide, hit, reflected of the last frame; materials of the scene. Out: coverage; guide of real
-// surfaces, marked where they are hidden and so not lit; list, tiles.
+// In: camera_radiance.w (M at the centre), guide, hit, reflected of the last frame; materials of the scene. Out:
+// coverage; guide of real surfaces, marked where they are hidden and so not lit; list, tiles.
 #include "common.glsl"
 #include "parts.glsl"
 #include "bind/images.glsl"

@@ -38,8 +38,7 @@ struct History { vec3 a; vec3 b; vec2 spread; vec2 frames; };
 
 const History NOTHING = History(vec3(0.0), vec3(0.0), vec2(0.0), vec2(0.0));
 
-// The variance of a mean of n points of a sequence, in units of that of one point: it errs less than the mean of n
-// points by chance.
+// The variance of a mean of n paths, in units of that of one. Spread evenly they err less, but not where light is rare.
 vec2 of_mean(vec2 n) { return 1.0 / n; }
 
 vec2 counted(vec2 frames) {
