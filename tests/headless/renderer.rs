@@ -130,11 +130,15 @@ fn what_nothing_touches_is_kept() {
             }
             // something moves while a picture of another size is shown
             running.set_size([80, 40]).expect("fits");
-            [0.7, 0.7].map(|time| running.render(&scene, time).expect("renders"));
+            for time in [0.7, 0.7] {
+                running.render(&scene, time).expect("renders");
+            }
             running.set_size([160, 80]).expect("fits");
             let mut fresh = Renderer::new(gpu, &scene, options.clone()).expect("fits");
             for renderer in [&mut running, &mut fresh] {
-                [0.7, 0.7].map(|time| renderer.render(&scene, time).expect("renders"));
+                for time in [0.7, 0.7] {
+                    renderer.render(&scene, time).expect("renders");
+                }
             }
             for name in names {
                 assert!(aov(&running, name) == aov(&fresh, name), "{name} of another size's time, {projection:?}");
