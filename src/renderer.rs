@@ -215,7 +215,7 @@ impl Renderer {
             radiance_pyramid.record(frame, panorama)?;
         }
         if let Some(normals) = &passes.normals {
-            normals.record(frame, panorama, view, content.quantisation, self.plan.settings.normal_radius)?;
+            normals.record(frame, panorama, view, panorama.quality(content), self.plan.settings.normal_radius)?;
         }
         if let Some(depth_pyramid) = &passes.depth_pyramid {
             frame.barrier("depth_pyramid bounds the depth that normals wrote");

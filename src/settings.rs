@@ -249,7 +249,8 @@ settings! {
         iridescence: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "thin films over virtual surfaces";
     }
     normals {
-        normal_radius: u32 = [0, 0, 0, 0], [0.0, 64.0], "texels", "radius of the plane fits that give normals; 0: from the capture (1 for float depth, wider for integer codes)";
+        normal_radius: u32 = [0, 0, 0, 0], [0.0, 64.0], "texels", "radius of the plane fits that give normals; 0: from the capture (1 for float depth, wider for integer codes and noise)";
+        smooth_depth: bool = [true, true, true, true], ANY, "", "depth that is noisy from texel to texel is smoothed, and its small holes are filled";
     }
     depth_pyramid {
         edge_ratio: f32 = [0.1, 0.1, 0.1, 0.1], [0.001, 10.0], "", "depths of a triangle's corners may differ by this ratio before it is a skirt, not a surface";

@@ -61,7 +61,8 @@ vec4 vertex(ivec2 p) {
 // can be hit only within `thickness` behind its nearest depth; otherwise it would be a spike across the room.
 vec3 triangle_range(float a, float b, float c) {
     float near = min(a, min(b, c)), far = max(a, max(b, c));
-    return vec3(near, far, far > near * (1.0 + in_view.view.edge_ratio) ? skirt_reach(near, in_view.view.edge_depth != 0u, in_view.view.thickness) : FAR);
+    bool edge_depth = in_view.view.edge_depth != 0u;
+    return vec3(near, far, is_skirt(near, far, 1.0 + in_view.view.edge_ratio, edge_depth) ? skirt_reach(near, edge_depth, in_view.view.thickness) : FAR);
 }
 
 Box leaf_box(ivec2 leaf) {

@@ -1,6 +1,5 @@
 // Measures how wide the thing is that ends at a texel (edges.glsl), on the depth as captured.
 
-const uint EDGE_ON_PLANE = EDGE_AT_POLE; // nor has a plane at a grazing angle
 const float WIDE = 1.4; // metres: what is wider is as deep as that
 
 // Walks from a texel over the thing that it is of, and returns where that ends, `steps` ways away. It passes behind

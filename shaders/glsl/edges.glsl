@@ -11,9 +11,15 @@ uint edge_class(float metres) {
 }
 
 const uint EDGE_AT_POLE = 8u; // 1/4 m: a pole has no width of its own
+const uint EDGE_ON_PLANE = 15u; // no edge: a plane goes on there at a grazing angle
 
 float with_edge_class(float depth, uint bits) {
     return in_view.view.edge_depth != 0u && depth > 0.0 ? uintBitsToFloat((floatBitsToUint(depth) & ~15u) | bits) : depth;
+}
+
+// Says whether a triangle with this smallest and largest depth is a skirt.
+bool is_skirt(float near, float far, float most_ratio, bool edge_depth) {
+    return far > near * most_ratio && !(edge_depth && (floatBitsToUint(near) & 15u) == EDGE_ON_PLANE);
 }
 
 // Returns how far from the centre a skirt with this nearest depth can be hit.

@@ -2,7 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 // Per video frame, normals (second dispatch). Of the planes fitted around it that explain its own depth, each
 // texel takes the one that fits its neighbourhood best, so that a window across a crease or an edge does not
-// bend the normal there. Depth that came in steps moves onto that plane, within its step.
+// bend the normal there. Depth that came in steps, or is noisy, moves onto that plane, within its step. Small holes in
+// noisy depth are filled.
 // In: plane, depth. Out: normal (towards the centre), depth (m).
 #include "common.glsl"
 #include "panorama.glsl"
@@ -34,7 +35,7 @@ void main() {
     vec4 choice = vec4(direction, FAR);
     if (depth > 0.0) {
         float q = 1.0 / depth;
-        float step_here = max(push.step_disparity, push.step_radial * q * q);
+        float step_here = step_at(q);
         float limit = step_here + push.relative * q;
         int offset = max(1, (2 * push.radius) / 3);
         // The nearest plane is slightly favoured. Where each texel has its own, that always counts.
@@ -55,8 +56,15 @@ void main() {
         }
         float smoothed = dot(choice.xyz, direction);
         if (step_here > 0.0 && choice.w < FAR) depth = 1.0 / clamp(smoothed, max(q - 0.75 * step_here, 0.25 * q), q + 0.75 * step_here);
+    } else if (push.noise > 0.0) {
+        ivec2 first = (p / push.spacing) * push.spacing;
+        [[unroll]] for (int k = 0; k < 4; k++) {
+            vec4 plane = imageLoad(in_plane, wrap_texel(first + push.spacing * ivec2(k & 1, k >> 1), size) / push.spacing);
+            if (plane.w >= 0.0 && plane.w < choice.w && dot(plane.xyz, direction) > 0.0) choice = plane;
+        }
+        if (choice.w < FAR) depth = 1.0 / dot(choice.xyz, direction);
     }
-    if (FAULT == FAULT_HOLES_NEAR && depth <= 0.0) depth = 0.5;
+    if (FAULT == FAULT_HOLES_NEAR && vertex_depth(p.x, p.y) <= 0.0) depth = 0.5;
     vec3 normal = dot(choice.xyz, choice.xyz) > 0.0 ? -normalize(choice.xyz) : -direction;
     imageStore(out_panorama_normal, p, vec4(to_half(normal), 0.0));
     if (in_view.view.edge_depth != 0u) depth = with_edge_class(depth, edge_class_at(p, vertex_depth(p.x, p.y)));

@@ -142,7 +142,7 @@ float surface_distance(vec3 d, out ivec2 texel) {
     float da = vertex_depth(a.x, a.y), db = vertex_depth(b.x, b.y), dc = vertex_depth(c.x, c.y);
     float near = min(da, min(db, dc)), far = max(da, max(db, dc));
     if (near <= 0.0) return 0.0;
-    if (far > near * (1.0 + in_view.view.edge_ratio)) return vertex_depth(texel.x, texel.y);
+    if (is_skirt(near, far, 1.0 + in_view.view.edge_ratio, in_view.view.edge_depth != 0u)) return vertex_depth(texel.x, texel.y);
     vec3 va = vertex_direction(a.x, a.y) * da, vb = vertex_direction(b.x, b.y) * db, vc = vertex_direction(c.x, c.y) * dc;
     vec3 n = cross(vb - va, vc - va);
     float t = dot(n, va) / dot(n, d);

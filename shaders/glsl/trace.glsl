@@ -30,7 +30,7 @@ void cross_triangle(SurfaceShape shape, vec3 weight, vec3 along, float near, flo
     float sum = weight.x + weight.y + weight.z;
     bool inside = all(lessThanEqual(weight, vec3(0.0))) || all(greaterThanEqual(weight, vec3(0.0)));
     float t = (weight.x * along.x + weight.y * along.y + weight.z * along.z) / sum;
-    bool skirt = far > near * shape.most_ratio;
+    bool skirt = is_skirt(near, far, shape.most_ratio, shape.edge_depth);
     vec3 point = origin + d * t;
     float reach = skirt_reach(near, shape.edge_depth, shape.thickness);
     bool beyond = skirt && dot(point, point) > reach * reach;

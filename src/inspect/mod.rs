@@ -62,6 +62,8 @@ pub struct DepthFacts {
     pub metres: Option<[f32; 3]>,
     /// The share of the sphere without depth.
     pub holes: f32,
+    /// The standard deviation from texel to texel, as a share of the distance; 0 if it is too little to matter.
+    pub noise: f32,
 }
 
 /// Reads all that a scene file names, and finds every problem that rendering would have before it asks the
@@ -118,6 +120,7 @@ impl Report {
                 encoding: spec.map_or("made in memory".into(), encoding),
                 metres: percentiles.into_iter().collect::<Option<Vec<_>>>().and_then(|all| all.try_into().ok()),
                 holes: cloud.holes(),
+                noise: frame.quality().noise,
             },
             floor,
             ceiling,
@@ -148,8 +151,13 @@ impl Report {
             Some([near, middle, far]) => format!("{} to {}, median {}", metres(near), metres(far), metres(middle)),
             None => "nothing but holes".to_owned(),
         };
+        let noise = match 100.0 * depth.noise {
+            0.0 => String::new(),
+            noise => format!(", {noise:.1} % noise, which is smoothed"),
+        };
+        let encoding = &depth.encoding;
         let _ =
-            writeln!(out, "depth    {w}x{h}, {}: {range}; {holes:.1} % holes{}", depth.encoding, taken(&depth.taken));
+            writeln!(out, "depth    {w}x{h}, {encoding}: {range}; {holes:.1} % holes{noise}{}", taken(&depth.taken));
         for (name, level, side) in [("floor  ", self.floor, "under"), ("ceiling", self.ceiling, "over")] {
             let found = level.map_or("none found".to_owned(), |level| {
                 format!("{} {side} the camera, tilted by {:.1}°", metres(level.distance), level.tilt)

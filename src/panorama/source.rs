@@ -2,7 +2,7 @@
 
 use super::{
     clipped::{self, Clipped},
-    depth::{Quantisation, Rule},
+    depth::{Quality, Quantisation, Rule},
     packing::halves,
     stream::Stream,
     texels::Texels,
@@ -147,6 +147,11 @@ impl PanoramaFrame {
     /// Bytes that it takes in memory.
     pub fn bytes(&self) -> usize {
         self.radiance.bytes().len() + size_of_val(&self.depth[..])
+    }
+
+    /// How well the depth knows its surfaces.
+    pub fn quality(&self) -> Quality {
+        Quality::of(&self.depth, self.depth_size, self.quantisation)
     }
 }
 

@@ -1,5 +1,5 @@
-//! `normals`, once per video frame: plane fits through the depth that respect holes and edges. Depth that
-//! came as integer codes moves onto its plane, within one step of the codes.
+//! `normals`, once per video frame: plane fits through the depth that respect holes and edges. Depth that is noisy or
+//! came as integer codes moves onto its plane, within one step of the codes or of the noise.
 
 use super::{
     panorama::Panorama,
@@ -7,14 +7,23 @@ use super::{
 };
 use crate::{
     Result,
-    gpu::{Bind, Frame, Gpu, Threads},
+    gpu::{Bind, Frame, Gpu, Image, Threads},
     gpu_struct,
-    panorama::depth::Quantisation,
+    panorama::depth::{Quality, Quantisation},
     shaders,
 };
 
 /// Wide fits overlap, so planes are fitted at most this many texels apart.
 const MOST_SPACING: u32 = 3;
+
+/// The radius of the fits of noisy depth, over its noise and its width. A normal is then off by some 3°.
+const WINDOW: f32 = 0.76;
+
+/// The step of noisy depth, standard deviations.
+const DEVIATIONS: f32 = 3.0;
+
+/// The share of noise that the first fits leave.
+const LEFT: f32 = 0.3;
 
 gpu_struct! {
     /// Push constants of `plane_fit.comp` and `normals.comp`.
@@ -24,9 +33,8 @@ gpu_struct! {
         pub spacing: i32,
         pub step_disparity: f32,
         pub step_radial: f32,
+        pub noise: f32,
         pub relative: f32,
-        pub first_turn: [f32; 2],
-        pub turn: [f32; 2],
     }
 }
 
@@ -43,46 +51,63 @@ impl Normals {
         })
     }
 
-    /// Records both dispatches. A `radius` of 0 chooses by the depth's quality: noisy codes need wide fits.
+    /// Records both dispatches. A `radius` of 0 chooses by the depth's quality: noise and codes need wide fits. Noisy
+    /// depth is smoothed first, and fitted again.
     pub fn record(
         &self,
         frame: &mut Frame,
         panorama: &Panorama,
         view: &Resources,
-        quantisation: Quantisation,
+        quality: Quality,
         radius: u32,
     ) -> Result<()> {
-        let [width, height] = panorama.depth_size;
-        let (step_disparity, step_radial) = match quantisation {
-            Quantisation::None => (0.0, 0.0),
-            Quantisation::Disparity { step } => (step, 0.0),
-            Quantisation::Radial { step } => (0.0, step),
-        };
-        let automatic = if quantisation == Quantisation::None { 1 } else { (width / 128).clamp(2, 24) };
-        let radius = if radius == 0 { automatic } else { radius };
-        let stride = radius.div_ceil(3); // at most 7×7 taps
-        let turn = |texels: i32| {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(texels) / f64::from(width)).sin_cos();
-            [sin as f32, cos as f32]
-        };
-        let spacing = (radius / 3).clamp(1, MOST_SPACING);
-        let push = NormalsPush {
-            radius: radius as i32,
-            stride: stride as i32,
-            spacing: spacing as i32,
-            step_disparity,
-            step_radial,
-            relative: 0.005,
-            first_turn: turn(-(radius as i32)),
-            turn: turn(stride as i32),
-        };
-        let special = [("in_depth", Bind::from(panorama.raw_depth()?))];
-        let fits = Threads::Size([width.div_ceil(spacing), height.div_ceil(spacing), 1]);
-        let pools = [&panorama.resources, view];
+        let [given, depth] = [panorama.raw_depth()?, panorama.depth()?];
+        let push = push(quality, panorama.depth_size[0], radius);
         frame.scope("normals", |frame| {
-            self.plane_fit.dispatch(frame, &special, &pools, &push, fits)?;
-            frame.barrier("normals chooses among the planes fitted");
-            self.select.dispatch(frame, &special, &pools, &push, Threads::Size([width, height, 1]))
+            if quality.noise > 0.0 {
+                self.fit(frame, [depth, given], panorama, view, &push)?;
+                frame.barrier("normals fits the smoothed depth");
+            }
+            let push = NormalsPush { noise: LEFT * push.noise, ..push };
+            self.fit(frame, [given, depth], panorama, view, &push)
         })
+    }
+
+    /// Fits planes to the first image of depth, and writes normals and the second image.
+    fn fit(
+        &self,
+        frame: &mut Frame,
+        [given, depth]: [&Image; 2],
+        panorama: &Panorama,
+        view: &Resources,
+        push: &NormalsPush,
+    ) -> Result<()> {
+        let [width, height] = panorama.depth_size;
+        let special = [("in_depth", Bind::from(given)), ("out_depth", Bind::from(depth))];
+        let fits = Threads::Size([width, height, 1].map(|side| side.div_ceil(push.spacing as u32)));
+        let pools = [&panorama.resources, view];
+        self.plane_fit.dispatch(frame, &special, &pools, push, fits)?;
+        frame.barrier("normals chooses among the planes fitted");
+        self.select.dispatch(frame, &special, &pools, push, Threads::Size([width, height, 1]))
+    }
+}
+
+fn push(Quality { quantisation, noise }: Quality, width: u32, radius: u32) -> NormalsPush {
+    let [step_disparity, step_radial] = quantisation.steps();
+    let automatic = match quantisation {
+        _ if noise > 0.0 => ((WINDOW * noise * width as f32) as u32).clamp(2, (width / 32).max(2)),
+        Quantisation::None => 1,
+        Quantisation::Disparity { .. } | Quantisation::Radial { .. } => (width / 128).clamp(2, 24),
+    };
+    let radius = if radius == 0 { automatic } else { radius };
+    let stride = radius.div_ceil(3); // at most 7×7 taps
+    NormalsPush {
+        radius: radius as i32,
+        stride: stride as i32,
+        spacing: (radius / 3).clamp(1, MOST_SPACING) as i32,
+        step_disparity,
+        step_radial,
+        noise: DEVIATIONS * noise,
+        relative: 0.005,
     }
 }

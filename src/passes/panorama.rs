@@ -8,7 +8,7 @@ use super::{
 use crate::{
     Error, Result,
     gpu::{Buffer, Format, Frame, Gpu, Image},
-    panorama::{lamps, source::PanoramaFrame, texels},
+    panorama::{depth::Quality, lamps, source::PanoramaFrame, texels},
     plan::{Part, Plan},
 };
 
@@ -63,6 +63,8 @@ pub struct Panorama {
     pub shape: PyramidShape,
     /// Whether the far sides of skirts have boxes of their own.
     pub far_sides: bool,
+    /// Whether noisy depth is smoothed.
+    pub smooth_depth: bool,
     /// What shaders read, by name.
     pub resources: Resources,
     gpu: Gpu,
@@ -86,6 +88,8 @@ pub struct Needs {
     pub lights: std::result::Result<(), Part>,
     /// Lamps that hang free, found in each frame.
     pub free_lamps: bool,
+    /// Noisy depth is smoothed.
+    pub smooth_depth: bool,
 }
 
 impl Needs {
@@ -98,6 +102,7 @@ impl Needs {
             boxes: need(plan.boxes(), if plan.on(Part::Objects) { Part::RealTracer } else { Part::Objects }),
             lights: need(plan.on(Part::LightTable), Part::LightTable),
             free_lamps: plan.on(Part::FreeLamps),
+            smooth_depth: plan.settings.smooth_depth,
         }
     }
 }
@@ -190,6 +195,7 @@ impl Panorama {
             yaw_degrees,
             shape,
             far_sides: false,
+            smooth_depth: needs.smooth_depth,
             resources,
             gpu: gpu.clone(),
             radiance,
@@ -219,6 +225,14 @@ impl Panorama {
         self.raw_depth.as_ref().ok_or_else(|| Error::Internal("the panorama's depth is not kept".into()))
     }
 
+    /// Depth as rays meet it.
+    ///
+    /// # Errors
+    /// Fails with [`Error::Internal`] if there is none.
+    pub fn depth(&self) -> Result<&Image> {
+        self.resources.image("depth").ok_or_else(|| Error::Internal("the panorama has no depth".into()))
+    }
+
     /// Frees what only the passes of a new video frame read, as there will be no new one.
     pub fn settle(&mut self) {
         self.raw_depth = None;
@@ -243,6 +257,12 @@ impl Panorama {
         data.pyramid_size = self.shape.levels[0];
         data.pyramid_area = self.shape.area;
         data.pyramid_nodes = self.shape.nodes;
+    }
+
+    /// How well a video frame's depth knows its surfaces, as far as that matters here.
+    pub fn quality(&self, content: &PanoramaFrame) -> Quality {
+        let quality = content.quality();
+        if self.smooth_depth { quality } else { Quality { noise: 0.0, ..quality } }
     }
 
     /// Records the upload of a video frame. The passes of a new video frame must run after it.
@@ -270,10 +290,12 @@ impl Panorama {
                 depth = &found.depth;
             }
         }
-        match &self.raw_depth {
-            Some(raw_depth) => frame.write_image(raw_depth, 0, 0, &with_poles(depth, content.depth_size)),
-            None => Ok(()),
+        if self.raw_depth.is_none() {
+            return Ok(());
         }
+        // `normals` smooths noisy depth first, and puts the result where depth comes without noise.
+        let given = if self.quality(content).noise > 0.0 { self.depth()? } else { self.raw_depth()? };
+        frame.write_image(given, 0, 0, &with_poles(depth, content.depth_size))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::{
     Error, Result,
     gpu::{Bind, Buffer, Gpu, Threads, Timings},
     gpu_struct,
-    panorama::{depth::Quantisation, lamps, source::PanoramaFrame},
+    panorama::{depth::Quality, lamps, source::PanoramaFrame},
     plan::Part,
     settings::{Presence, Settings},
     shaders,
@@ -66,7 +66,7 @@ pub struct RayTracer {
     view: Resources,
     normals: Normals,
     depth_pyramid: DepthPyramid,
-    quantisation: Quantisation,
+    quality: Quality,
     normal_radius: u32,
 }
 
@@ -101,8 +101,14 @@ impl RayTracer {
             Part::FreeLamps.constant(u32::from(free_lamps)),
         ];
         let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, &constants)?;
-        let needs =
-            Needs { color_levels: 1, geometry: Ok(()), boxes: Ok(()), lights: Err(Part::LightTable), free_lamps };
+        let needs = Needs {
+            color_levels: 1,
+            geometry: Ok(()),
+            boxes: Ok(()),
+            lights: Err(Part::LightTable),
+            free_lamps,
+            smooth_depth: settings.smooth_depth,
+        };
         let mut panorama = Panorama::new(gpu, frame.color_size, frame.depth_size, yaw_degrees, needs)?;
         if tracer == Tracer::FarSides {
             panorama = panorama.with_far_sides(gpu)?;
@@ -119,6 +125,7 @@ impl RayTracer {
         panorama.describe(&mut data);
         let mut view = Resources::default();
         view.add("view", Resource::Buffer(gpu.buffer_with("rays view", &[data])?));
+        let quality = panorama.quality(frame);
         let ready = Self {
             gpu: gpu.clone(),
             kernel,
@@ -126,7 +133,7 @@ impl RayTracer {
             view,
             normals: Normals::new(gpu)?,
             depth_pyramid: DepthPyramid::new(gpu)?,
-            quantisation: frame.quantisation,
+            quality,
             normal_radius: settings.normal_radius,
         };
         ready.prepare()?;
@@ -136,7 +143,7 @@ impl RayTracer {
     /// Derives from the depth what rays need, as each new video frame does.
     pub fn prepare(&self) -> Result<Timings> {
         let mut frame = self.gpu.frame()?;
-        self.normals.record(&mut frame, &self.panorama, &self.view, self.quantisation, self.normal_radius)?;
+        self.normals.record(&mut frame, &self.panorama, &self.view, self.quality, self.normal_radius)?;
         frame.barrier("depth_pyramid bounds the depth that normals wrote");
         self.depth_pyramid.record(&mut frame, &self.panorama, &self.view)?;
         frame.run()

@@ -62,7 +62,8 @@ pub struct Verdict<'a> {
     triangle: Option<&'a Triangle>,
 }
 
-/// How deep skirts are by `edge_depth`, at each texel: see `docs/pipeline.md`. 0 where there is no edge, `None` where rounding decides.
+/// How deep skirts are by `edge_depth`, at each texel: see `docs/pipeline.md`. 0 where there is no edge, infinite where
+/// a plane goes on at a grazing angle, which is no skirt, `None` where rounding decides.
 fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<Option<f64>> {
     let [width, height] = frame.depth_size.map(i64::from);
     let depth = |i: i64, j: i64| match j {
@@ -102,7 +103,7 @@ fn edge_depths(frame: &PanoramaFrame, edge_ratio: f64, poles: [f64; 2]) -> Vec<O
             }
         }
         if !ends {
-            return Some(0.25);
+            return Some(f64::INFINITY);
         }
         // The end of a walk over the thing from a texel, up to a width, and how many steps away it is. `None` where
         // rounding decides.
@@ -316,8 +317,8 @@ pub fn judge<'a>(crossings: &[Crossing<'a>], settings: &Settings) -> Option<Verd
         let depths = crossing.triangle.depths;
         let (near, far) = (depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2]));
         let limit = near * (1.0 + f64::from(settings.edge_ratio));
-        let skirt = far > limit;
-        let end = if skirt { crossing.triangle.reach(settings)? } else { f64::INFINITY };
+        let end = if far > limit { crossing.triangle.reach(settings)? } else { f64::INFINITY };
+        let skirt = far > limit && !(settings.edge_depth && end.is_infinite());
         let wall = near + f64::from(settings.thickness);
         let beyond = skirt && crossing.radius > end;
         let unsure = crossing.at_edge

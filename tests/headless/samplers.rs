@@ -306,6 +306,7 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
         boxes: Err(Part::Objects),
         lights: Ok(()),
         free_lamps: false,
+        smooth_depth: true,
     };
     let panorama = Panorama::new(gpu, size, size, yaw_degrees, needs).expect("fits");
     let mut upload = gpu.frame().expect("records");

@@ -225,3 +225,59 @@ fn a_camera_off_the_capture_point_sees_the_room_from_there() {
         assert!(place < 1e-3 && radiance < 0.02, "{place}, {radiance}");
     });
 }
+
+/// The share of pixels whose real surface is off by more than a share of its distance or whose normal by more than some
+/// degrees, within what is farther than 0.16 from any edge. Holes are off.
+fn off(gpu: &Gpu, frame: PanoramaFrame, [low, high]: [Vec3; 2], share: f32, degrees: f32) -> f32 {
+    let track = views(&TARGETS.map(|target| (Vec3::ZERO, target, 60.0)));
+    let scene = placed(frame, Vec3::ZERO, track.clone(), 0.1);
+    let mut renderer = rendered(gpu, &scene, RenderOptions { size: SMALL, ..options(Method::Iprt, &[]) }, 0);
+    let (mut all, mut wrong) = (0, 0);
+    for second in 0..TARGETS.len() {
+        accumulate(&mut renderer, &scene, second, 1);
+        let [positions, normals] = ["position_real", "normal_real"].map(|name| aov(&renderer, name));
+        for (i, (position, normal)) in positions.iter().zip(&normals).enumerate() {
+            let pixel = vec2((i as u32 % SMALL[0]) as f32, (i as u32 / SMALL[0]) as f32) + 0.5;
+            let d = pixel_direction(&track, second as f64, SMALL, pixel);
+            let inward = |d: Vec3| {
+                let at = (d * leaves(d, low, high) - low) / (high - low);
+                let from_middle = at - 0.5;
+                let axis = from_middle.abs().max_position();
+                -Vec3::AXES[axis] * from_middle[axis].signum()
+            };
+            let Some(expected) = around(d, 0.16, inward) else { continue };
+            all += 1;
+            let distance = (position[3] / leaves(d, low, high) - 1.0).abs();
+            let turned = Vec3::from_slice(normal).normalize_or_zero().dot(expected).min(1.0).acos().to_degrees();
+            wrong += usize::from(position[3] == 0.0 || distance > share || turned > degrees);
+        }
+    }
+    assert!(all > 500, "{all} pixels");
+    wrong as f32 / all as f32
+}
+
+#[test]
+fn floors_and_walls_at_grazing_angles_are_planes() {
+    validated(|gpu| {
+        let long = [vec3(-2.5, -0.35, -10.0), vec3(2.5, 2.0, 4.0)];
+        for size in [[64, 32], [128, 64], [256, 128]] {
+            let frame = room(size, long[1] - long[0], 0.5 * (long[0] + long[1]), colourful);
+            let off = off(gpu, frame, long, 1e-3, 1.0);
+            assert!(off == 0.0, "{size:?}: {off}");
+        }
+    });
+}
+
+#[test]
+fn noisy_depth_is_smoothed_and_its_small_holes_are_filled() {
+    validated(|gpu| {
+        let mut frame = box_room([256, 128]);
+        let mut random = fastrand::Rng::with_seed(1);
+        for metres in &mut frame.depth {
+            let off = (0..3).map(|_| random.f32() - 0.5).sum::<f32>() / 0.5;
+            *metres *= if random.f32() < 0.05 { 0.0 } else { 1.0 + 0.02 * off };
+        }
+        let off = off(gpu, frame, [LOW, HIGH], 0.02, 8.0);
+        assert!(off < 0.02, "{off}");
+    });
+}

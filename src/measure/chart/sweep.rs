@@ -131,6 +131,7 @@ const FULL: &[Values] = &[
     (Method::Iprt, "history_change", &["0.2", "2"]),
     (Method::Iprt, "clamp", &["0.5", "1", "2"]),
     (Method::Iprt, "normal_radius", &["1", "4"]),
+    (Method::Iprt, "smooth_depth", &["false"]),
     (Method::Iprt, "edge_ratio", &["0.05", "0.2"]),
     (Method::Iprt, "thickness", &["0", "0.1", "1", "inf"]),
     (Method::Iprt, "edge_depth", &["false"]),
