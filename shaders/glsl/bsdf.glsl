@@ -311,8 +311,25 @@ vec3 bsdf_evaluate(Surface s, Lobes l, uint lobe, vec3 to_eye, vec3 d, out float
     return l.diffuse * density;
 }
 
-// Returns what a solid lets pass of light that came through it to its boundary from so far.
-vec3 solid_passes(Surface s, float distance) {
-    if (TRANSMISSION == 0u || !s.solid || !s.inside || s.transmission <= 0.0) return vec3(1.0);
-    return exp(-s.extinction * distance);
+// Returns the extinction of what a path is in after it left a surface along d. A path that was in another solid before is
+// in the open when it leaves the inner one.
+vec3 medium_after(vec3 medium, Surface s, uint lobe, vec3 d) {
+    if (TRANSMISSION == 0u || lobe != TRANSMITTED || !s.solid || dot(d, s.geometric) >= 0.0) return medium;
+    return s.inside ? vec3(0.0) : s.extinction;
+}
+
+// Returns what the medium lets pass of light from a surface so far away. Whatever was known of the path, a surface that
+// is met from inside a solid is seen through that.
+vec3 medium_passes(vec3 medium, Surface s, float distance) {
+    if (TRANSMISSION == 0u) return vec3(1.0);
+    return exp(-(s.solid && s.inside && s.transmission > 0.0 ? s.extinction : medium) * distance);
+}
+
+const float WIDE = 0.05; // radians
+
+// Returns how far apart the directions are, radians, that one path of a lobe stands for where it reads textures.
+float lobe_spread(Surface s, uint lobe) {
+    if (lobe == DIFFUSE || lobe == SHEEN_LOBE) return WIDE;
+    float roughness = CLEARCOAT != 0u && lobe == COAT ? s.clearcoat_roughness : s.roughness;
+    return min(WIDE, 0.5 * roughness * roughness);
 }

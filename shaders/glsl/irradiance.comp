@@ -33,7 +33,7 @@ void real_surface_light(ivec2 p) {
             factor = chosen(p, share) ? 1.0 / share : 0.0;
         }
         radiance = (PI * factor) * ray.weight * hit_radiance(ray.real);
-        change = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, true, random) - radiance;
+        change = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, Passage(true, 0.0, WIDE, vec3(0.0)), random) - radiance;
         if (PATH_LIMIT != 0u && is_by_chance(aim)) {
             vec2 limit = path_limit(p, REAL) / units;
             radiance = limited(radiance, limit.x);
@@ -115,7 +115,11 @@ void virtual_path(ivec2 p, uint path, Seen seen, inout Random random, inout vec3
             reflected.t = hit.instance != NONE ? hit.t : ray.real.t;
             reflected.moved = hit.instance != NONE ? point_motion(in_instances.instance[hit.instance], origin + ray.d * hit.t) : vec3(0.0);
         }
-        if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, lobe == DIFFUSE && !behind, random);
+        // Where paths start all over the pixel, each stands for less of it.
+        float angle = pixel_angle() * (seen.varied ? 0.5 : 1.0);
+        Passage passage = Passage(false, distance(s.position, view_origin(vec2(p) + 0.5)) * angle, angle, vec3(0.0));
+        if (!behind) passage = passage_by(passage, s, lobe, ray.d);
+        if (!behind || hit.instance != NONE) radiance = weight * incoming(origin, ray, hit, passage, random);
     }
     if (PATH_LIMIT != 0u && is_by_chance(drawn)) radiance = limited(radiance, lobe == DIFFUSE && !behind ? seen.limit.x : seen.limit.y);
     if (PUNCTUAL != 0u && !behind) {

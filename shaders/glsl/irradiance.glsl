@@ -296,25 +296,37 @@ vec3 punctual(vec3 x, vec3 near, Surface s, Lobes l, uint lobe, vec3 to_eye, ino
 
 const uint MOST_BOUNDARIES = 12u; // of glass, beside the bounces
 
+// What a ray brings with it from where it starts. `wide`: it comes from a lobe that cannot show glass as it is. It passes
+// glass on a straight line and takes its colour, because no lamp could be found through what bends rays.
+struct Passage {
+    bool wide;
+    float width;  // of what it shows, metres, at its origin
+    float spread; // how much wider per metre
+    vec3 medium;  // extinction of the solid that it is in
+};
+
+// Of a ray that leaves a surface by a lobe. `from` is how it came there.
+Passage passage_by(Passage from, Surface s, uint lobe, vec3 d) {
+    return Passage(lobe == DIFFUSE || lobe == SHEEN_LOBE, from.width, max(from.spread, lobe_spread(s, lobe)), medium_after(from.medium, s, lobe, d));
+}
+
 // Returns what arrives along a ray, the mixed scene included: real surfaces relit, virtual ones by a path. `hit`
 // is the virtual surface that the ray meets, if any. The path's last vertex sees the real scene alone, so that
-// no light is lost. `wide`: the ray comes from a lobe that cannot show glass as it is. It passes glass on a straight
-// line and takes its colour, because no lamp could be found through what bends rays.
-vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random) {
+// no light is lost.
+vec3 incoming(vec3 origin, Ray ray, SceneHit hit, Passage passage, inout Random random) {
     vec3 sum = vec3(0.0), throughput = vec3(1.0);
-    float width = 0.0;
     uint boundaries = 0u;
     for (uint bounce = 1u; hit.instance != NONE; bounce++) {
-        width += 0.05 * hit.t;
+        passage.width += passage.spread * hit.t;
         vec3 seen_along = VIRTUAL_TRACER == SCREEN ? screen_direction(hit, ray.d) : ray.d;
-        Surface s = scene_surface(hit, seen_along, width);
-        throughput *= solid_passes(s, hit.t) * emitted_share(ray, s, hit.t);
+        Surface s = scene_surface(hit, seen_along, passage.width);
+        throughput *= medium_passes(passage.medium, s, hit.t) * emitted_share(ray, s, hit.t);
         if (EMISSION != 0u) sum += throughput * s.emissive;
         vec3 to_eye = -seen_along;
         Lobes l = bsdf_lobes(s, to_eye);
         uint lobe = bsdf_choose(l, random_next(random));
         // A straight line leaves a solid as it came in; what is refracted does, too, but at another angle.
-        if (TRANSMISSION != 0u && wide) {
+        if (TRANSMISSION != 0u && passage.wide) {
             s.eta = min(s.eta, 1.0 / s.eta);
             s.dispersion = 0.0;
         }
@@ -326,7 +338,8 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
             bool through = dot(next.d, s.geometric) < 0.0;
             origin = surface_origin_along(s, next.d);
             if (++boundaries <= MOST_BOUNDARIES) bounce--;
-            if (wide && through) {
+            if (passage.wide && through) {
+                passage.medium = medium_after(passage.medium, s, lobe, next.d);
                 throughput *= next.sharp_weight / bsdf_probability(l, lobe);
                 origin = surface_origin_along(s, ray.d);
                 ray.real.t = ray.real.t < FAR ? max(ray.real.t - hit.t, 0.0) : FAR;
@@ -338,14 +351,14 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, bool wide, inout Random random
         }
         ray = trace(next, origin, origin, s, l, lobe, to_eye);
         if (!bsdf_leaves(s, lobe, ray.d)) { throughput = vec3(0.0); break; }
-        wide = lobe == DIFFUSE || lobe == SHEEN_LOBE;
+        passage = passage_by(passage, s, lobe, ray.d);
         hit.instance = NONE;
         if (INTERREFLECTION != 0u && bounce < in_view.view.bounces && ((EMITTERS != 0u && next.emitter) || largest(ray.weight) > 0.0))
             hit = virtual_trace(origin, ray.d, ray.real.t, false, random);
         throughput *= mixed_weight(ray, next, hit) / bsdf_probability(l, lobe);
         if (largest(throughput) <= 0.0) break;
     }
-    if (PICTURED != 0u && !wide) return sum + throughput * hit_pictured(origin + ray.d * ray.real.t, ray.real);
+    if (PICTURED != 0u && !passage.wide) return sum + throughput * hit_pictured(origin + ray.d * ray.real.t, ray.real);
     return sum + throughput * hit_relit(ray.real);
 }
 

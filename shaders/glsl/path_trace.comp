@@ -171,13 +171,13 @@ void main() {
     vec3 d = view_direction(vec2(p) + draw(draws));
     SceneHit hit = scene_trace_from(origin, d, FAR, true);
     vec3 seen = vec3(0.0), sum = vec3(0.0), first_albedo = vec3(0.0);
-    vec3 throughput = vec3(1.0);
+    vec3 throughput = vec3(1.0), medium = vec3(0.0);
     float importance = 1.0; // weight of the path after its first surface
     float by_lobe = 0.0;    // density of the direction just followed; 0 if light sampling cannot find it
     bool same = false;      // whether the sample meets the surface at the pixel's centre
     for (uint bounce = 0u; hit.instance != NONE; bounce++) {
         Surface s = scene_surface(hit, d, 0.0);
-        throughput *= solid_passes(s, hit.t);
+        throughput *= medium_passes(medium, s, hit.t);
         if (bounce == 0u) {
             seen = s.emissive;
             vec3 apart = s.position - (origin + middle_d * middle.w);
@@ -215,6 +215,7 @@ void main() {
         }
         if (!bsdf_leaves(s, lobe, d)) weight = vec3(0.0);
         if (push.light_count == 0u) by_lobe = 0.0;
+        medium = medium_after(medium, s, lobe, d);
         throughput *= weight / probability;
         float most = max(weight.r, max(weight.g, weight.b));
         if (most <= 0.0) break;

@@ -92,7 +92,7 @@ parts! {
     Specular: "The GGX lobe." {
         name: "specular", setting: "specular", off: "off", needs: Some(Part::Objects), constant: Some("SPECULAR"),
         off_where: "all materials have `specularFactor` 0 and metallic 0, and no other lobe but Lambert's",
-        leaves_out: "the GGX lobe and all parts of materials that need it; the virtual layer of `irradiance_b`, `b`, `filtered_b`, `scratch_b`",
+        leaves_out: "the GGX lobe and all parts of materials that need it; the virtual layer's second light in `irradiance`, `accumulated`, `filtered` and `scratch`",
     }
     Emission: "Virtual surfaces that shine." {
         name: "emission", setting: "emission", off: "off", needs: Some(Part::Objects), constant: Some("EMISSION"),

@@ -143,3 +143,29 @@ fn glass_parts_the_colours_as_its_dispersion_says() {
         assert!((slope - 1.0).abs() < 0.1, "{slope}");
     });
 }
+
+/// A lamp within a ball of coloured glass: its light goes through the glass once, in the picture and in the true scene.
+#[test]
+fn a_solid_takes_light_of_what_is_inside_it() {
+    let centre = vec3(0.0, 0.0, -2.0);
+    let glass = Material {
+        transmission: 1.0,
+        thickness: 1.0,
+        ior: 1.0001,
+        attenuation_color: vec3(0.1, 0.8, 0.4),
+        attenuation_distance: 0.2,
+        ..Material::plain("glass", Vec3::ONE, 0.0)
+    };
+    let lamp = Material { emissive: Vec3::splat(0.5), ..lambert(0.0) };
+    let objects = || vec![fine_ball(0.4, glass.clone(), centre), fine_ball(0.2, lamp.clone(), centre)];
+    validated(|gpu| {
+        let dark = room([64, 32], vec3(8.0, 4.0, 8.0), Vec3::ZERO, |_| Vec3::splat(1e-4));
+        let scene = scene(dark, camera(Vec3::ZERO, centre, 10.0), objects());
+        let renderer = rendered(gpu, &scene, converged(Method::Iprt, &[("bounces", "2")]), 16);
+        let radiance = aov(&renderer, "radiance");
+        let middle = radiance[(SIZE[0] * SIZE[1] / 2 + SIZE[0] / 2) as usize];
+        for (shown, passes) in middle.iter().zip([0.1, 0.8, 0.4]) {
+            assert!((shown / (0.5 * passes) - 1.0).abs() < 0.02, "{middle:?}");
+        }
+    });
+}

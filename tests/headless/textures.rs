@@ -130,3 +130,37 @@ fn a_normal_map_shows_the_ball_that_stands_beside_it() {
         }
     });
 }
+
+/// Shining squares of 12.5 cm at 3 m, beside and behind a pane of clear glass without a surface of its own (ior 1), and seen in a
+/// mirror: the pictures' contrast from square to square.
+#[test]
+fn squares_behind_glass_and_in_a_mirror_are_as_sharp_as_they_are() {
+    validated(|gpu| {
+        let upright = |mut tile: Object, at: Vec3| {
+            let turned = glam::Quat::from_rotation_x(std::f32::consts::FRAC_PI_2);
+            tile.placement = Placement::fixed(Transform { translation: at, rotation: turned, ..Transform::IDENTITY });
+            tile
+        };
+        let pane = |material: Material| object(Shape::Box.mesh(vec3(4.0, 4.0, 0.01)), material, vec3(0.0, 0.0, -1.5));
+        let glass = Material { transmission: 1.0, ior: 1.0, specular: 0.0, ..Material::plain("glass", Vec3::ONE, 0.0) };
+        let room = || room([64, 32], vec3(20.0, 8.0, 20.0), Vec3::ZERO, |_| Vec3::splat(0.1));
+        let shown = |objects: Vec<Object>| {
+            let look = camera(Vec3::ZERO, Vec3::NEG_Z, 40.0);
+            let scene = scene(room(), look, objects);
+            let options = RenderOptions { size: [48, 48], ..options(Method::Iprt, &[]) };
+            aov(&rendered(gpu, &scene, options, 8), "radiance")
+        };
+        let far = vec3(0.0, 0.0, -3.0);
+        let bare = shown(vec![upright(checkered_tile(), far)]);
+        let behind = shown(vec![upright(checkered_tile(), far), pane(glass)]);
+        // The mirror shows the tile behind the camera at 1.5 m + 1.5 m.
+        let mirrored = shown(vec![upright(checkered_tile(), vec3(0.0, 0.0, 1e-3)), pane(metal(0.0))]);
+        let deviation = |picture: &Texels| {
+            let mean = picture.iter().map(|t| t[0]).sum::<f32>() / picture.len() as f32;
+            (picture.iter().map(|t| (t[0] - mean).powi(2)).sum::<f32>() / picture.len() as f32).sqrt()
+        };
+        let [bare, behind, mirrored] = [bare, behind, mirrored].map(|picture| deviation(&picture));
+        println!("{bare} {behind} {mirrored}");
+        assert!(bare > 0.35 && behind > 0.9 * bare && mirrored > 0.9 * bare, "{bare}, {behind}, {mirrored}");
+    });
+}
