@@ -204,6 +204,9 @@ pub fn key_value(pair: &str) -> Result<(&str, &str)> {
     Ok((key.trim(), value.trim()))
 }
 
+/// The longest run: a day and more.
+pub const MOST_FRAMES: u32 = 10_000_000;
+
 /// Reads `A..B`, both included, or one number.
 pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
     let parse = || match text.split_once("..") {
@@ -211,6 +214,9 @@ pub fn parse_frames(text: &str) -> Result<[u32; 2]> {
         None => text.trim().parse().ok().map(|n| [n, n]),
     };
     match parse() {
+        Some([a, b]) if a <= b && b - a >= MOST_FRAMES => {
+            Err(Error::input("--frames", format!("has more than {MOST_FRAMES} frames"), "give a shorter range"))
+        }
         Some([a, b]) if a <= b => Ok([a, b]),
         _ => Err(Error::input(
             "--frames",

@@ -180,34 +180,30 @@ fn complete(path: &Path, numbers: &[u32], range: Option<[u32; 2]>) -> Result<[u3
         return Err(Error::input(path.display(), "no frame is there", "render them first"));
     };
     let [first, last] = range.unwrap_or([*least, *most]);
-    let missing: Vec<u32> = (first..=last).filter(|number| numbers.binary_search(number).is_err()).collect();
-    if missing.is_empty() {
-        return Ok([first, last]);
-    }
-    let words = ranges(&missing);
-    let remedy =
-        format!("render them, for example with --frames {}..{} --warmup auto", missing[0], end_of_first(&missing));
-    Err(Error::input(
-        path.display(),
-        format!("{} of {} frames are missing: {words}", missing.len(), last - first + 1),
-        remedy,
-    ))
+    let missing = gaps(numbers, [first, last]);
+    let Some([begin, end]) = missing.first() else { return Ok([first, last]) };
+    let count: u64 = missing.iter().map(|[a, b]| u64::from(b - a) + 1).sum();
+    let problem = format!("{count} of {} frames are missing: {}", u64::from(last - first) + 1, words(&missing));
+    let remedy = format!("render them, for example with --frames {begin}..{end} --warmup auto");
+    Err(Error::input(path.display(), problem, remedy))
 }
 
-fn end_of_first(missing: &[u32]) -> u32 {
-    let run = missing.windows(2).take_while(|pair| pair[1] == pair[0] + 1).count();
-    missing[run]
-}
-
-/// Numbers as ranges: `3, 7..12`. The first eight of them.
-fn ranges(numbers: &[u32]) -> String {
-    let mut runs: Vec<[u32; 2]> = Vec::new();
-    for number in numbers {
-        match runs.last_mut() {
-            Some([_, end]) if *end + 1 == *number => *end = *number,
-            _ => runs.push([*number; 2]),
+/// The runs of numbers of a range that are not among these, which are in order.
+fn gaps(numbers: &[u32], [first, last]: [u32; 2]) -> Vec<[u32; 2]> {
+    let mut gaps = Vec::new();
+    let mut next = Some(first);
+    for number in numbers.iter().filter(|number| (first..=last).contains(number)) {
+        if let Some(next) = next.filter(|next| next < number) {
+            gaps.push([next, number - 1]);
         }
+        next = number.checked_add(1);
     }
+    gaps.extend(next.filter(|next| *next <= last).map(|next| [next, last]));
+    gaps
+}
+
+/// Runs of numbers as words: `3, 7..12`. The first eight of them.
+fn words(runs: &[[u32; 2]]) -> String {
     let words = |[a, b]: &[u32; 2]| if a == b { a.to_string() } else { format!("{a}..{b}") };
     let shown = runs.iter().take(8).map(words).collect::<Vec<_>>().join(", ");
     if runs.len() > 8 { format!("{shown}, …") } else { shown }
@@ -245,8 +241,11 @@ fn size_of(path: &Path) -> Result<[u32; 2]> {
 mod tests {
     #[test]
     fn missing_frames_are_named_by_ranges() {
-        assert_eq!(super::ranges(&[3, 7, 8, 9, 12]), "3, 7..9, 12");
-        assert_eq!(super::end_of_first(&[7, 8, 9, 12]), 9);
-        assert_eq!(super::end_of_first(&[3]), 3);
+        let gaps = super::gaps(&[0, 1, 2, 4, 5, 6, 10, 11], [0, 12]);
+        assert_eq!(gaps, [[3, 3], [7, 9], [12, 12]]);
+        assert_eq!(super::words(&gaps), "3, 7..9, 12");
+        assert_eq!(super::gaps(&[4, 5, 9], [5, 7]), [[6, 7]]);
+        assert_eq!(super::gaps(&[0, 1, u32::MAX], [0, u32::MAX]), [[2, u32::MAX - 1]]);
+        assert!(super::gaps(&[3, 4], [3, 4]).is_empty());
     }
 }

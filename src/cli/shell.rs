@@ -1,9 +1,12 @@
 //! `iprt completions` and `iprt man`: what shells and manual readers want of the command line.
 
 use super::Cli;
-use crate::{Error, Result, image_file::write::make_folder};
+use crate::{
+    Error, Result,
+    image_file::write::{make_folder, write_bytes},
+};
 use clap::CommandFactory as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `iprt completions`.
 #[derive(Clone, Debug, clap::Args)]
@@ -31,6 +34,18 @@ pub fn completions(args: &CompletionsArgs) -> Result<()> {
 /// Writes a manual page for each command.
 pub fn man(args: &ManArgs) -> Result<()> {
     make_folder(&args.output)?;
-    clap_mangen::generate_to(Cli::command(), &args.output)
-        .map_err(|error| Error::input(args.output.display(), error, "give a folder that can be written"))
+    let mut all = Cli::command();
+    all.build();
+    page(&all, &args.output)
+}
+
+/// Writes the page of a command and those of its parts.
+fn page(command: &clap::Command, folder: &Path) -> Result<()> {
+    for part in command.get_subcommands().filter(|part| !part.is_hide_set()) {
+        page(part, folder)?;
+    }
+    let man = clap_mangen::Man::new(command.clone());
+    let mut text = Vec::new();
+    man.render(&mut text).map_err(|error| Error::Internal(format!("a manual page: {error}")))?;
+    write_bytes(&folder.join(man.get_filename()), &text)
 }

@@ -148,8 +148,10 @@ pub fn decode(bytes: &[u8], subject: &str) -> Result<FileImage> {
     let (decoder, head) = head(Cursor::new(bytes), format, subject)?;
     // What is decoded, and then colours or codes made of it.
     check_size(head.stored, subject)?;
-    let [width, height] = head.stored.map(u64::from);
-    budget::ask(subject, width * height * (u64::from(decoder.color_type().bytes_per_pixel()) + 16))?;
+    let texels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
+    let placed = if head.is_plain() { 0 } else { texels(head.size()) };
+    let pixel = u64::from(decoder.color_type().bytes_per_pixel());
+    budget::ask(subject, texels(head.stored) * (pixel + 16) + placed * 16)?;
     pixels(decoder, head, subject).map(FileImage::Raster)
 }
 

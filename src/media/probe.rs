@@ -89,6 +89,9 @@ struct ProbedStream {
     side_data_list: Vec<serde_json::Value>,
 }
 
+/// What a picture takes per pixel while it is decoded: its planes, and light or codes made of them.
+const BYTES: u64 = 24;
+
 impl VideoInfo {
     /// Asks for all that is known of a video file without decoding it.
     ///
@@ -142,6 +145,8 @@ impl VideoInfo {
                 "give smaller ones",
             ));
         }
+        let texels = u64::from(width) * u64::from(height);
+        crate::budget::ask(&subject, texels * BYTES)?;
         let format = Format::of(&stored);
         let mut assumed = Vec::new();
         let tags = tags(stream, format, size, &subject, &mut assumed)?;

@@ -203,6 +203,12 @@ fn memory_is_asked_for_before_it_is_taken() {
         assert!(ran.peak < 256 << 20 && ran.stderr.lines().count() == 1, "{what}");
     }
 
+    crate::video_in::ffmpeg(&folder, "-f lavfi -i color=gray:s=8192x4096:r=1:d=1 -c:v ffv1 -pix_fmt gray film.mkv");
+    folder.write("film.toml", "[panorama]\ncolor = \"film.mkv\"\ndepth = 3\n");
+    let ran = run(&folder, &["check", "film.toml", "--memory", "512M"]);
+    assert!(ran.status == Some(2) && ran.stderr.contains("film.mkv: would take"), "{}", ran.stderr);
+    assert!(ran.peak < 256 << 20, "{} MiB", ran.peak >> 20);
+
     // Accessors of zeros, which no byte of the file stands for.
     let many = "{\"componentType\": 5126, \"type\": \"VEC3\", \"count\": 4000000}";
     let accessors = [many; 24].join(",");
