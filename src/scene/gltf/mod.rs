@@ -7,6 +7,7 @@
 mod accessor;
 mod animation;
 pub mod export;
+mod gloss;
 mod json;
 mod light;
 mod material;
@@ -284,6 +285,7 @@ impl<'a> File<'a> {
             };
             node::give_mesh(self, &mut model.rig, node, known);
         }
+        texture::keep_used(&mut model);
         let clips = animation::load(self, &place);
         model.rig = Rig { clips, ..model.rig };
         model.lights = light::load(self, &place);
