@@ -1,6 +1,6 @@
 //! Reads textures of a glTF file, and where they lie on a surface.
 
-use super::{File, IMAGES, Read, json::Json, resource};
+use super::{File, Read, extension::IMAGES, json::Json, resource};
 use crate::scene::{
     material::{TexelEncoding, Texture, TextureUse, Wrap},
     model::Model,
