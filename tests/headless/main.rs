@@ -29,6 +29,7 @@ mod folder;
 mod free_lamps;
 mod fuzz;
 mod gltf;
+mod gltf_lenient;
 mod golden;
 mod gpu;
 mod identities;

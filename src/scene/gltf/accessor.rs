@@ -1,10 +1,12 @@
 //! Accessors are typed arrays in buffers. They are checked before anything is read or allocated.
 
-use super::{Fault, File, Read, fault, json::Json, meshopt};
+use super::{Fault, File, MAX_CORNERS, Read, fault, json::Json, meshopt};
 use crate::budget;
 
-/// The most elements of all accessors without a buffer (all zero). Others are bounded by their buffer.
+/// The most elements of all accessors without a buffer: of those that are all zero, and of sparse ones, which are few
+/// numbers for many elements. Others are bounded by their buffer.
 const MAX_ZEROS: usize = 1 << 20;
+const MAX_SPARSE: usize = 2 * MAX_CORNERS;
 
 pub(super) struct Elements {
     bytes: Vec<u8>,
@@ -63,16 +65,22 @@ pub(super) fn part<'f>(file: &'f File, view: Json, user: &str) -> Read<(&'f [u8]
     let bytes = file.buffer(buffer)?;
     let start = view.index("byteOffset").unwrap_or(0);
     let end = view.index("byteLength").and_then(|length| start.checked_add(length));
-    match end.and_then(|end| bytes.get(start..end)) {
-        Some(bytes) => Ok((bytes, view.index("byteStride"))),
-        None => Err(fault(format!("{user} reaches beyond its buffer"))),
+    let (Some(end), true) = (end, start <= bytes.len()) else {
+        return Err(fault(format!("{user} reaches beyond its buffer")));
+    };
+    if end > bytes.len() {
+        file.warn(user, "reaches beyond its buffer: what lies in it is read");
     }
+    Ok((&bytes[start..end.min(bytes.len())], view.index("byteStride")))
 }
 
 /// Copies `count` elements of `size` bytes out of the view that `place` names.
 fn gather(file: &File, place: Json, count: usize, size: usize, user: &str) -> Read<Vec<u8>> {
     let (bytes, stride) = view(file, place.index("bufferView").unwrap_or(usize::MAX), user)?;
-    let stride = stride.unwrap_or(size);
+    if stride == Some(0) {
+        file.warn(user, "has a byteStride of 0: its elements are taken to follow each other");
+    }
+    let stride = stride.filter(|stride| *stride > 0).unwrap_or(size);
     let offset = place.index("byteOffset").unwrap_or(0);
     if stride < size {
         return Err(fault(format!("{user}: its stride is smaller than its elements")));
@@ -89,6 +97,11 @@ fn gather(file: &File, place: Json, count: usize, size: usize, user: &str) -> Re
         out.extend_from_slice(&bytes[offset + element * stride..][..size]);
     }
     Ok(out)
+}
+
+/// Whether an accessor says that it is zero everywhere.
+pub(super) fn is_zero(accessor: Json) -> bool {
+    accessor.exists() && !accessor.get("bufferView").exists() && !accessor.get("sparse").exists()
 }
 
 /// Reads accessor `index`. `user` names it in errors.
@@ -119,9 +132,14 @@ pub(super) fn elements(file: &File, index: usize, user: &str) -> Read<Elements> 
     let mut bytes = match accessor.index("bufferView") {
         Some(_) => gather(file, accessor, count, size, user)?,
         None => {
-            file.zeros.set(file.zeros.get().saturating_add(count));
-            if file.zeros.get() > MAX_ZEROS {
-                return Err(fault(format!("{user}: says it has {count} elements, all zero")));
+            let (sum, most, kind) = match is_zero(accessor) {
+                true => (&file.zeros, MAX_ZEROS, "all zero"),
+                false => (&file.sparse, MAX_SPARSE, "sparse"),
+            };
+            sum.set(sum.get().saturating_add(count));
+            if sum.get() > most {
+                let problem = format!("{user}: has {count} elements, {kind}; all such may have {most}");
+                return Err(Fault { problem, remedy: "simplify the model".into() });
             }
             vec![0; count * size]
         }

@@ -2,6 +2,7 @@
 
 use super::{
     File,
+    gloss::Gloss,
     json::Json,
     texture::{Info, Textures},
 };
@@ -120,7 +121,12 @@ impl Materials {
         };
         material.emissive = material.emissive.min(Vec3::splat(f32::MAX));
         if glossy.exists() {
-            self.specular_glossiness(&factors, glossy, &mut material, model);
+            let gloss = Gloss {
+                diffuse: factors.color(glossy, "diffuseFactor", 1.0, Vec3::ONE),
+                f0: factors.color(glossy, "specularFactor", 1.0, Vec3::ONE),
+                glossiness: factors.part(glossy, "glossinessFactor", 1.0),
+            };
+            gloss.give(file, &user, &mut material, model);
         }
         if extension("unlit").exists() {
             material = material.unlit();
@@ -180,29 +186,6 @@ impl Materials {
         }
         let first = sets.first().copied().unwrap_or(0);
         ([first, sets.get(1).copied().unwrap_or(usize::from(first == 0))], textures)
-    }
-
-    /// KHR_materials_pbrSpecularGlossiness as a dielectric whose F0 is what the file says. Of the light that
-    /// a surface does not reflect, glTF's dielectric with its F0 of 0.04 scatters `base_color`.
-    fn specular_glossiness(&mut self, factors: &Factors, glossy: Json, material: &mut Material, model: &mut Model) {
-        let diffuse = factors.color(glossy, "diffuseFactor", 1.0, Vec3::ONE);
-        let f0 = factors.color(glossy, "specularFactor", 1.0, Vec3::ONE);
-        let glossiness = factors.part(glossy, "glossinessFactor", 1.0);
-        material.base_color = (diffuse * ((1.0 - f0.max_element()) / 0.96)).min(Vec3::ONE);
-        material.specular_color = f0 / 0.04;
-        material.metallic = 0.0;
-        material.roughness = 1.0 - glossiness;
-        // The texture's alpha is glossiness. What is read is roughness in G and metallic in B.
-        if let Some(used) = &mut material.textures[Slot::MetallicRoughness as usize] {
-            let mut rough = model.textures[used.texture].clone();
-            for texel in &mut rough.texels {
-                let roughness = 1.0 - glossiness * f32::from(texel[3]) / 255.0;
-                *texel = [255, (roughness * 255.0 + 0.5) as u8, 0, 255];
-            }
-            model.textures.push(rough);
-            used.texture = model.textures.len() - 1;
-            material.roughness = 1.0;
-        }
     }
 }
 

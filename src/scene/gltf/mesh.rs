@@ -1,13 +1,15 @@
 //! Reads meshes. All primitives of one mesh become one triangle list with a material for each triangle.
 
 use super::{
-    DRACO, Fault, File, Read, accessor, fault,
+    Fault, File, Read, accessor,
+    extension::DRACO,
+    fault,
     json::Json,
     material::{Materials, Used},
     skin, tangent,
 };
 use crate::scene::{
-    deform::{Deform, Skin, Target},
+    deform::{Deform, Influences, Skin, Target},
     material::TextureUse,
     model::{Mesh, Model},
 };
@@ -32,35 +34,49 @@ struct Part {
 }
 
 /// What moves a mesh: its skin, and the node that has the weights of its morph targets.
-#[derive(Clone)]
 pub(super) struct Motion {
     pub skin: Option<Skin>,
     pub weights_of: usize,
 }
 
 /// Reads mesh `index`, and adds its materials and textures to `model`. Its vertices stand where `motion` puts them
-/// at rest.
+/// at rest. A primitive that cannot be read is left out, and so is a skin that does not fit the mesh.
+///
+/// # Errors
+/// Fails if the file holds too much.
 pub(super) fn load(
     file: &File,
     index: usize,
-    motion: &Motion,
+    mut motion: Motion,
     materials: &mut Materials,
     model: &mut Model,
 ) -> Read<Mesh> {
     let source = file.root.entry("meshes", index);
     let mut mesh = Mesh { name: source.name_or(index), ..Mesh::default() };
+    let user = |number: usize| format!("mesh {index}, primitive {number}");
+    let mut influences = influences(file, source, &mut motion, &user).into_iter();
     let mut parts = Vec::new();
     for (number, primitive) in source.list("primitives").enumerate() {
-        let user = format!("mesh {index}, primitive {number}");
+        let user = user(number);
         let mappings = primitive.extension("KHR_materials_variants").list("mappings");
         let varied = file.variant.and_then(|variant| {
             mappings.clone().find(|mapping| mapping.indices("variants").contains(&variant))?.index("material")
         });
         let material = materials.get(file, varied.or(primitive.index("material")), model);
-        let Some(part) = load_part(file, primitive, &user, material, motion, model)? else { continue };
-        parts.push((part, material));
+        let moved = Deform {
+            weights_of: motion.weights_of,
+            skin: motion.skin.clone(),
+            influences: influences.next().unwrap_or_default(),
+            ..Deform::default()
+        };
+        match load_part(file, primitive, &user, material, moved, model) {
+            Ok(Some(part)) => parts.push((part, material)),
+            Ok(None) => {}
+            Err(fault) if file.is_full() => return Err(fault),
+            Err(fault) => file.lose(fault),
+        }
     }
-    mesh.deform = joined(&parts, motion).map(Arc::new);
+    mesh.deform = joined(&parts, &motion).map(Arc::new);
     for (part, material) in parts {
         let (first, vertices) = (mesh.positions.len(), part.positions.len());
         mesh.positions.extend(part.positions);
@@ -77,6 +93,28 @@ pub(super) fn load(
         mesh.triangles.extend(part.triangles.iter().map(|triangle| triangle.map(|vertex| first as u32 + vertex)));
     }
     Ok(mesh)
+}
+
+/// Returns the influences of the joints on each primitive. Where they cannot be read, the primitive keeps to the first
+/// joint as one without influences does; if no primitive's can, the mesh loses its skin.
+fn influences(file: &File, source: Json, motion: &mut Motion, user: &dyn Fn(usize) -> String) -> Vec<Vec<Influences>> {
+    let Some(skin) = &motion.skin else { return Vec::new() };
+    let of = |(number, primitive): (usize, Json)| {
+        let attributes = primitive.get("attributes");
+        let positions = file.root.entry("accessors", attributes.index("POSITION").unwrap_or(usize::MAX));
+        let vertices = positions.index("count").unwrap_or(0);
+        skin::influences(file, attributes, vertices, skin.joints.len(), &user(number))
+    };
+    let read: Vec<Read<Vec<Influences>>> = source.list("primitives").enumerate().map(of).collect();
+    let none = read.iter().all(Result::is_err);
+    let measure = if none { "left out, and its skin with it" } else { "taken to move with the first joint" };
+    let influences =
+        read.into_iter().map(|read| read.map_err(|fault| file.instead(measure, fault)).unwrap_or_default());
+    let influences = influences.collect();
+    if none {
+        motion.skin = None;
+    }
+    influences
 }
 
 /// Joins what moves the parts of a mesh, if anything does.
@@ -98,7 +136,7 @@ fn joined(parts: &[(Part, Used)], motion: &Motion) -> Option<Deform> {
         if normals {
             whole.normals.extend(own.normals);
         }
-        let still = vec![(0, 1.0)];
+        let still = skin::STILL.to_vec();
         whole.influences.extend(if own.influences.is_empty() { vec![still; count] } else { own.influences });
         for (index, target) in whole.targets.iter_mut().enumerate() {
             let own = own.targets.get(index).cloned().unwrap_or_default();
@@ -118,7 +156,7 @@ fn load_part(
     primitive: Json,
     user: &str,
     material: Used,
-    motion: &Motion,
+    moved: Deform,
     model: &Model,
 ) -> Read<Option<Part>> {
     let mode = match primitive.get("mode").exists() {
@@ -176,22 +214,13 @@ fn load_part(
         deform: None,
     };
     let targets = targets(file, primitive, vertices, user);
-    if motion.skin.is_some() || !targets.is_empty() {
-        let influences = match &motion.skin {
-            Some(skin) => skin::influences(file, attributes, vertices, skin.joints.len(), user)?,
-            None => Vec::new(),
-        };
-        part.rest(
-            Deform {
-                positions: part.positions.clone(),
-                normals: part.normals.clone(),
-                targets,
-                weights_of: motion.weights_of,
-                skin: motion.skin.clone(),
-                influences,
-            },
-            model,
-        );
+    if moved.skin.is_some() || !targets.is_empty() {
+        let (positions, normals) = (part.positions.clone(), part.normals.clone());
+        let mut deform = Deform { positions, normals, targets, ..moved };
+        if deform.skin.is_some() && deform.influences.is_empty() {
+            deform.influences = vec![skin::STILL.to_vec(); vertices];
+        }
+        part.rest(deform, model);
     }
     part.leave_out_bad_vertices(file, user);
     if part.normals.is_empty() {
@@ -213,13 +242,17 @@ fn targets(file: &File, primitive: Json, vertices: usize, user: &str) -> Vec<Tar
     let of = |(number, target): (usize, Json)| {
         let user = format!("{user}, target {number}");
         let read = |name: &str| {
+            let accessor = file.root.entry("accessors", target.index(name).unwrap_or(usize::MAX));
+            if accessor::is_zero(accessor) {
+                return Vec::new();
+            }
             let values = optional(file, target, name, vertices, &user).unwrap_or_default();
             values.into_iter().map(Vec3::from_array).collect::<Vec<Vec3>>()
         };
         Target { positions: read("POSITION"), normals: read("NORMAL") }
     };
     let all = primitive.list("targets");
-    if file.count_corners(all.len().saturating_mul(vertices)).is_err() {
+    if !file.has_room(all.len().saturating_mul(vertices)) {
         file.warn(user, "has more morph targets than fit: left out");
         return Vec::new();
     }

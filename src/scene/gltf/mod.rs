@@ -7,6 +7,8 @@
 mod accessor;
 mod animation;
 pub mod export;
+mod extension;
+mod gloss;
 mod json;
 mod light;
 mod material;
@@ -30,42 +32,6 @@ use std::{
     collections::BTreeMap,
     path::Path,
 };
-
-const SUPPORTED: [&str; 20] = [
-    "KHR_lights_punctual",
-    "KHR_materials_anisotropy",
-    "KHR_materials_clearcoat",
-    "KHR_materials_dispersion",
-    "KHR_materials_iridescence",
-    "KHR_materials_sheen",
-    "KHR_materials_transmission",
-    "KHR_materials_variants",
-    "KHR_materials_volume",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_specular",
-    "KHR_materials_ior",
-    "KHR_materials_unlit",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_meshopt_compression",
-    "KHR_texture_transform",
-    "KHR_mesh_quantization",
-    "EXT_meshopt_compression",
-    "EXT_texture_webp",
-    "EXT_mesh_gpu_instancing",
-];
-
-/// The extension that compresses geometry and is not read, and the command that writes the file without.
-const DRACO: (&str, &str) = ("KHR_draco_mesh_compression", "gltf-transform copy IN.glb OUT.glb");
-
-/// Extensions with images that are not read, and the command that writes the file with others.
-const IMAGES: [(&str, &str); 3] = [
-    ("KHR_texture_basisu", "gltf-transform ktxdecompress IN.glb OUT.glb"),
-    ("EXT_texture_avif", "gltf-transform png IN.glb OUT.glb"),
-    ("MSFT_texture_dds", "gltf-transform png IN.glb OUT.glb"),
-];
-
-/// Extensions that do not change what is seen.
-const SILENT: [&str; 3] = ["KHR_xmp", "KHR_xmp_json_ld", "EXT_mesh_manifold"];
 
 /// Loads a `.gltf` or `.glb` file. The warnings name what was left out.
 ///
@@ -100,8 +66,11 @@ struct Fault {
 
 type Read<T> = std::result::Result<T, Fault>;
 
+/// The remedy where nothing better is known.
+const REPAIR: &str = "repair the glTF file or export it again";
+
 fn fault(problem: impl ToString) -> Fault {
-    Fault { problem: problem.to_string(), remedy: "repair the glTF file or export it again".into() }
+    Fault { problem: problem.to_string(), remedy: REPAIR.into() }
 }
 
 /// Splits a file into its JSON and the binary chunk of a `.glb`.
@@ -158,8 +127,11 @@ struct File<'a> {
     corners: Cell<usize>,
     /// The number of the variant whose materials are taken.
     variant: Option<usize>,
-    /// Elements of accessors without a buffer so far.
+    /// Elements of accessors without a buffer so far: of those that are all zero, and of sparse ones.
     zeros: Cell<usize>,
+    sparse: Cell<usize>,
+    /// The first fault for which a shape was left out.
+    lost: RefCell<Option<Fault>>,
 }
 
 const MAX_CORNERS: usize = 1 << 25;
@@ -169,7 +141,7 @@ impl<'a> File<'a> {
     fn new(subject: &'a str, folder: &'a Path, root: Json<'a>, blob: Option<&'a [u8]>) -> Read<Self> {
         let asset = root.get("asset");
         let version = asset.text("minVersion").or(asset.text("version"));
-        if let Some(version) = version.filter(|version| !version.starts_with("2.")) {
+        if let Some(version) = version.filter(|version| *version != "2" && !version.starts_with("2.")) {
             return Err(other_version(version));
         }
         let file = Self {
@@ -183,21 +155,13 @@ impl<'a> File<'a> {
             corners: Cell::new(0),
             variant: None,
             zeros: Cell::new(0),
+            sparse: Cell::new(0),
+            lost: RefCell::default(),
         };
         if version.is_none() {
             file.warn("asset", "has no version: 2.0 is taken");
         }
-        let unknown = |name: &&str| {
-            let converted = IMAGES.iter().chain([&DRACO]).any(|(known, _)| known == name);
-            !SUPPORTED.contains(name) && !SILENT.contains(name) && !converted
-        };
-        if let Some(extension) = root.texts("extensionsRequired").find(unknown) {
-            let problem = format!("requires the extension {}, which is not read", read::one_line(&extension));
-            return Err(Fault { problem, remedy: "export it without".into() });
-        }
-        for extension in root.texts("extensionsUsed").filter(unknown) {
-            file.unsupported("extensionsUsed", &format!("the extension {}", read::one_line(&extension)), "ignored");
-        }
+        extension::check(&file)?;
         Ok(file)
     }
 
@@ -232,7 +196,19 @@ impl<'a> File<'a> {
 
     /// Warns of what could not be read and is not needed.
     fn left_out(&self, fault: Fault) {
-        self.warn("left out", &fault.problem);
+        self.instead("left out", fault);
+    }
+
+    /// Warns of what could not be read, where `measure` was taken.
+    fn instead(&self, measure: &str, Fault { problem, remedy }: Fault) {
+        let remedy = if remedy == REPAIR { String::new() } else { format!("; {remedy}") };
+        self.warn(measure, &format!("{problem}{remedy}"));
+    }
+
+    /// Warns of a shape that could not be read. The file is refused for it if no other can be.
+    fn lose(&self, fault: Fault) {
+        self.lost.borrow_mut().get_or_insert_with(|| fault.clone());
+        self.left_out(fault);
     }
 
     fn into_warnings(self) -> Vec<String> {
@@ -243,14 +219,29 @@ impl<'a> File<'a> {
         self.warnings.into_inner().into_iter().map(line).collect()
     }
 
-    /// Refuses a file that would fill the memory.
-    fn count_corners(&self, corners: usize) -> Read<()> {
-        self.corners.set(self.corners.get().saturating_add(corners));
-        if self.corners.get() > MAX_CORNERS {
-            let remedy = "simplify the model".into();
-            return Err(Fault { problem: format!("holds more than {MAX_CORNERS} vertices"), remedy });
+    /// Counts vertices or corners, unless they are too many.
+    fn has_room(&self, corners: usize) -> bool {
+        let sum = self.corners.get().saturating_add(corners);
+        let fits = sum <= MAX_CORNERS;
+        if fits {
+            self.corners.set(sum);
         }
-        Ok(())
+        fits
+    }
+
+    /// Refuses a file that would fill the memory, from then on.
+    fn count_corners(&self, corners: usize) -> Read<()> {
+        if self.has_room(corners) {
+            return Ok(());
+        }
+        self.corners.set(usize::MAX);
+        let remedy = "simplify the model".into();
+        Err(Fault { problem: format!("holds more than {MAX_CORNERS} vertices"), remedy })
+    }
+
+    /// Whether a file was found to hold too much.
+    fn is_full(&self) -> bool {
+        self.corners.get() == usize::MAX
     }
 
     /// Returns a buffer, which is read when it is first needed.
@@ -261,8 +252,11 @@ impl<'a> File<'a> {
 
     fn model(&self) -> Read<Model> {
         let mut model = Model::default();
-        let drawn = node::load(self, &mut model);
-        let place = node::places(self, &drawn);
+        let parents = node::parents(self);
+        let drawn = node::load(self, &parents, &mut model);
+        let in_scene = node::places(self, &drawn);
+        // Joints may stand elsewhere.
+        let mut place = in_scene.clone();
         let mut materials = material::Materials::new(self.root.list("materials").len());
         // A mesh that a skin or weights move is another one at each node.
         let mut meshes: BTreeMap<(usize, Option<usize>, Option<usize>), usize> = BTreeMap::new();
@@ -273,20 +267,28 @@ impl<'a> File<'a> {
             let known = match meshes.get(&key) {
                 Some(known) => *known,
                 None => {
-                    let skin = node.skin.map(|skin| skin::load(self, skin, &place));
+                    let skin = node.skin.map(|skin| {
+                        node::add_joints(self, skin, &parents, &mut place, &mut model.rig);
+                        skin::load(self, skin, &place)
+                    });
                     let skin = skin.and_then(|skin| skin.map_err(|fault| self.left_out(fault)).ok());
                     let motion = mesh::Motion { skin, weights_of: node.place };
-                    let loaded = mesh::load(self, mesh, &motion, &mut materials, &mut model)?;
+                    let loaded = mesh::load(self, mesh, motion, &mut materials, &mut model)?;
                     model.meshes.push(loaded);
                     meshes.insert(key, model.meshes.len() - 1);
                     model.meshes.len() - 1
                 }
             };
-            node::give_mesh(self, &mut model.rig, node, known);
+            let skinned = model.meshes[known].deform.as_ref().is_some_and(|deform| deform.skin.is_some());
+            node::give_mesh(self, &mut model.rig, node, (known, skinned));
         }
+        if let (Some(fault), true) = (self.lost.take(), model.meshes.iter().all(|mesh| mesh.triangles.is_empty())) {
+            return Err(fault);
+        }
+        texture::keep_used(&mut model);
         let clips = animation::load(self, &place);
         model.rig = Rig { clips, ..model.rig };
-        model.lights = light::load(self, &place);
+        model.lights = light::load(self, &in_scene);
         Ok(model)
     }
 }

@@ -20,10 +20,10 @@ pub(super) struct Drawn {
 }
 
 /// Adds the nodes of the scene to the model, as yet without meshes.
-pub(super) fn load(file: &File, model: &mut Model) -> Vec<Drawn> {
+pub(super) fn load(file: &File, parents: &[Option<usize>], model: &mut Model) -> Vec<Drawn> {
     let mut drawn: Vec<Drawn> = Vec::new();
     let mut place = vec![None; file.root.list("nodes").len()];
-    for (source, parent) in order(file) {
+    for (source, parent) in order(file, parents) {
         let node = file.root.entry("nodes", source);
         let mesh = node.index("mesh").filter(|mesh| {
             let exists = file.root.entry("meshes", *mesh).exists();
@@ -34,15 +34,57 @@ pub(super) fn load(file: &File, model: &mut Model) -> Vec<Drawn> {
         });
         place[source] = Some(model.rig.nodes.len());
         drawn.push(Drawn { source, place: model.rig.nodes.len(), mesh, skin: node.index("skin") });
-        model.rig.nodes.push(Node {
-            name: node.name_or(format!("node {source}")),
-            parent: parent.and_then(|parent: usize| place[parent]),
-            local: local(file, source, node),
-            mesh: None,
-            weights: mesh.map_or_else(Vec::new, |mesh| weights(file, node, mesh)),
-        });
+        let parent = parent.and_then(|parent: usize| place[parent]);
+        let weights = mesh.map_or_else(Vec::new, |mesh| weights(file, node, mesh));
+        model.rig.nodes.push(Node { weights, ..plain(file, source, parent) });
     }
     drawn
+}
+
+/// Returns a node of the file without what it draws.
+fn plain(file: &File, source: usize, parent: Option<usize>) -> Node {
+    let node = file.root.entry("nodes", source);
+    let name = node.name_or(format!("node {source}"));
+    Node { name, parent, local: local(file, source, node), mesh: None, weights: Vec::new() }
+}
+
+/// Returns the parent of each node of the file: the first that names it.
+pub(super) fn parents(file: &File) -> Vec<Option<usize>> {
+    let mut parents = vec![None; file.root.list("nodes").len()];
+    for (parent, node) in file.root.list("nodes").enumerate() {
+        for child in node.indices("children") {
+            parents.get_mut(child).into_iter().for_each(|entry| *entry = entry.or(Some(parent)));
+        }
+    }
+    parents
+}
+
+/// Adds the joints of a skin that are not in the scene, with all that they stand in, and notes their places.
+pub(super) fn add_joints(
+    file: &File,
+    skin: usize,
+    parents: &[Option<usize>],
+    place: &mut [Option<usize>],
+    rig: &mut Rig,
+) {
+    for joint in file.root.entry("skins", skin).indices("joints") {
+        let mut missing = Vec::new();
+        let mut at = Some(joint).filter(|joint| *joint < parents.len());
+        while let Some(node) = at.filter(|node| place[*node].is_none()) {
+            // A mark ends the walk where nodes stand in a circle.
+            place[node] = Some(usize::MAX);
+            missing.push(node);
+            at = parents[node];
+        }
+        if !missing.is_empty() {
+            file.warn(&format!("skin {skin}"), "has a joint that is not in the scene: it stands in its own parents");
+        }
+        for node in missing.into_iter().rev() {
+            let parent = parents[node].and_then(|parent| place[parent]).filter(|parent| *parent != usize::MAX);
+            place[node] = Some(rig.nodes.len());
+            rig.nodes.push(plain(file, node, parent));
+        }
+    }
 }
 
 /// Returns where each node of the file is in the model.
@@ -52,12 +94,12 @@ pub(super) fn places(file: &File, drawn: &[Drawn]) -> Vec<Option<usize>> {
     places
 }
 
-/// Places a mesh of the model. A skinned one gets a node of its own, because its node's transform counts for
-/// nothing; one with EXT_mesh_gpu_instancing gets a node for each instance.
-pub(super) fn give_mesh(file: &File, rig: &mut Rig, drawn: Drawn, mesh: usize) {
+/// Places a mesh of the model, of which is known whether it is skinned. A skinned one gets a node of its own, because
+/// its node's transform counts for nothing; one with EXT_mesh_gpu_instancing gets a node for each instance.
+pub(super) fn give_mesh(file: &File, rig: &mut Rig, drawn: Drawn, (mesh, skinned): (usize, bool)) {
     let node = file.root.entry("nodes", drawn.source);
     let name = rig.nodes[drawn.place].name.clone();
-    if drawn.skin.is_some() {
+    if skinned {
         let local = Local::Transform(Transform::IDENTITY);
         rig.nodes.push(Node { name, parent: None, local, mesh: Some(mesh), weights: Vec::new() });
         return;
@@ -126,22 +168,23 @@ fn unit(rotation: Quat) -> Quat {
 
 /// Returns the nodes of the default scene (else of the first that has any, else all), each with its parent,
 /// parents first.
-fn order(file: &File) -> Vec<(usize, Option<usize>)> {
-    let nodes = file.root.list("nodes").len();
+fn order(file: &File, parents: &[Option<usize>]) -> Vec<(usize, Option<usize>)> {
+    let nodes = parents.len();
     let scenes: Vec<Vec<usize>> = file.root.list("scenes").map(|scene| scene.indices("nodes")).collect();
     let wanted = file.root.index("scene").unwrap_or(0);
-    let roots = match scenes.get(wanted).filter(|roots| !roots.is_empty()) {
-        Some(roots) => roots.clone(),
-        None if scenes.is_empty() => {
-            let mut child = vec![false; nodes];
-            for at in file.root.list("nodes").flat_map(|node| node.indices("children")) {
-                child.get_mut(at).into_iter().for_each(|child| *child = true);
-            }
-            (0..nodes).filter(|node| !child[*node]).collect()
-        }
-        None => {
+    let filled = |roots: &&Vec<usize>| !roots.is_empty();
+    let all = || (0..nodes).filter(|node| parents[*node].is_none()).collect();
+    let roots = match (scenes.get(wanted).filter(filled), scenes.iter().find(filled)) {
+        (Some(roots), _) => roots.clone(),
+        (None, Some(roots)) => {
             file.warn(&format!("scene {wanted}"), "does not exist or has no nodes: the first that has some is taken");
-            scenes.into_iter().find(|roots| !roots.is_empty()).unwrap_or_default()
+            roots.clone()
+        }
+        (None, None) => {
+            if !scenes.is_empty() && nodes > 0 {
+                file.warn("scenes", "have no nodes: all nodes are taken");
+            }
+            all()
         }
     };
     let mut seen = vec![false; nodes];

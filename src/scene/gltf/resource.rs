@@ -7,7 +7,7 @@ use image::{DynamicImage, GenericImageView as _, ImageDecoder as _, ImageError, 
 use rayon::prelude::*;
 use std::{io::Cursor, path::PathBuf};
 
-/// Reads a buffer, which is at least as long as it says.
+/// Reads a buffer, which need not be as long as it says.
 pub(super) fn buffer(file: &File, index: usize) -> Read<Vec<u8>> {
     let name = format!("buffer {index}");
     let buffer = file.root.entry("buffers", index);
@@ -19,20 +19,33 @@ pub(super) fn buffer(file: &File, index: usize) -> Read<Vec<u8>> {
     };
     let stated = buffer.index("byteLength").unwrap_or(0);
     if bytes.len() < stated {
-        return Err(fault(format!("{name} says it has {stated} bytes, but there are {}", bytes.len())));
+        file.warn(&name, &format!("says it has {stated} bytes, but there are {}: these are read", bytes.len()));
     }
     Ok(bytes)
 }
 
+/// Returns what follows the scheme of a data URI.
+fn data_of(uri: &str) -> Option<&str> {
+    let (scheme, data) = uri.trim_start().split_once(':')?;
+    scheme.eq_ignore_ascii_case("data").then_some(data)
+}
+
 fn fetch(file: &File, uri: &str, name: &str) -> Read<Vec<u8>> {
     let shown = || read::one_line(&uri.chars().take(60).collect::<String>());
-    if let Some(data) = uri.trim_start().strip_prefix("data:") {
+    if let Some(data) = data_of(uri) {
         let (kind, text) = data.split_once(',').unwrap_or((data, ""));
-        if !kind.ends_with(";base64") {
+        if !kind.trim_end().to_ascii_lowercase().ends_with(";base64") {
             return Ok(urlencoding::decode_binary(text.as_bytes()).into_owned());
         }
-        // Exporters break lines, and some leave the padding out.
-        let text: String = text.split_whitespace().collect();
+        // Exporters break lines, escape the letters that mean something in URIs, or take others for them, and some leave
+        // the padding out.
+        let text = urlencoding::decode_binary(text.as_bytes());
+        let letter = |byte: &u8| match *byte {
+            b'-' => b'+',
+            b'_' => b'/',
+            other => other,
+        };
+        let text: Vec<u8> = text.iter().filter(|byte| !byte.is_ascii_whitespace()).map(letter).collect();
         let config = GeneralPurposeConfig::new()
             .with_decode_allow_trailing_bits(true)
             .with_decode_padding_mode(DecodePaddingMode::Indifferent);
@@ -54,9 +67,11 @@ fn fetch(file: &File, uri: &str, name: &str) -> Read<Vec<u8>> {
     if path.is_absolute() || decoded.is_empty() || decoded.contains('\0') {
         return Err(not_beside(format!("{name}: \"{}\" is no relative path", shown())));
     }
-    // A name may hold a percent sign that was not escaped.
-    let [path, literal] = [path, PathBuf::from(uri)].map(|path| file.folder.join(path));
-    let path = if !path.exists() && literal.exists() { literal } else { path };
+    // A name may hold a percent sign that was not escaped. Some have a query for the server that once gave them.
+    let named = urlencoding::decode(uri.split(['?', '#']).next().unwrap_or_default()).unwrap_or_default();
+    let names = [decoded.clone(), uri.to_owned(), named.replace('\\', "/")];
+    let existing = names.iter().map(|name| file.folder.join(name)).find(|path| path.is_file());
+    let path = existing.unwrap_or_else(|| file.folder.join(&decoded));
     read::read_bytes(&path).map_err(|error| match error {
         Error::Input { subject, problem, remedy } => {
             Fault { problem: format!("{name}: {}: {problem}", read::one_line(&subject)), remedy }

@@ -1,8 +1,8 @@
 //! Reads textures of a glTF file, and where they lie on a surface.
 
-use super::{File, IMAGES, Read, json::Json, resource};
+use super::{File, Read, extension::IMAGES, json::Json, resource};
 use crate::scene::{
-    material::{TexelEncoding, Texture, Wrap},
+    material::{TexelEncoding, Texture, TextureUse, Wrap},
     model::Model,
 };
 use glam::{Affine2, Mat2, Vec2};
@@ -98,4 +98,17 @@ impl Textures {
             nearest: sampler.index("magFilter") == Some(9728),
         }))
     }
+}
+
+/// Takes the textures out of a model that none of its materials uses. They were converted to others.
+pub(super) fn keep_used(model: &mut Model) {
+    let mut used = vec![false; model.textures.len()];
+    let uses = model.materials.iter_mut().flat_map(|material| material.textures.iter_mut().flatten());
+    let uses: Vec<&mut TextureUse> = uses.collect();
+    uses.iter().for_each(|texture| used[texture.texture] = true);
+    let before = |kept: &mut usize, used: &bool| Some(std::mem::replace(kept, *kept + usize::from(*used)));
+    let places: Vec<usize> = used.iter().scan(0, before).collect();
+    uses.into_iter().for_each(|texture| texture.texture = places[texture.texture]);
+    let mut used = used.into_iter();
+    model.textures.retain(|_| used.next() == Some(true));
 }
