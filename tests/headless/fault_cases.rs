@@ -203,6 +203,30 @@ fn memory_is_asked_for_before_it_is_taken() {
         assert!(ran.peak < 256 << 20 && ran.stderr.lines().count() == 1, "{what}");
     }
 
+    // Many large textures, of which no single one is too large.
+    flat_png(&folder.path("large.png"), 4096, 4096);
+    let list = |entry: fn(usize) -> String| (0..16).map(entry).collect::<Vec<_>>().join(",");
+    let gltf = format!(
+        r#"{{"asset": {{"version": "2.0"}}, "images": [{}], "textures": [{}], "materials": [{}], "meshes": [{}],
+        "nodes": [{}], "accessors": [{{"componentType": 5126, "type": "VEC3", "count": 3, "bufferView": 0}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
+        "buffers": [{{"byteLength": 36, "uri": "data:,AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA"}}]}}"#,
+        list(|_| r#"{"uri": "large.png"}"#.into()),
+        list(|k| format!(r#"{{"source": {k}}}"#)),
+        list(|k| format!(r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {{"index": {k}}}}}}}"#)),
+        list(|k| format!(r#"{{"primitives": [{{"attributes": {{"POSITION": 0}}, "material": {k}}}]}}"#)),
+        list(|k| format!(r#"{{"mesh": {k}}}"#)),
+    );
+    folder.write("textures.gltf", &gltf);
+    folder.write(
+        "textures.toml",
+        "[panorama]\ncolor = \"small.png\"\ndepth = 3\n[[object]]\ngltf = \"textures.gltf\"\n",
+    );
+    flat_png(&folder.path("small.png"), 64, 32);
+    let ran = run(&folder, &["check", "textures.toml"]);
+    assert!(ran.stderr.contains("all together exceed 256 MiB"), "{}", ran.stderr);
+    assert!(ran.peak < 900 << 20, "{} MiB", ran.peak >> 20);
+
     crate::video_in::ffmpeg(&folder, "-f lavfi -i color=gray:s=8192x4096:r=1:d=1 -c:v ffv1 -pix_fmt gray film.mkv");
     folder.write("film.toml", "[panorama]\ncolor = \"film.mkv\"\ndepth = 3\n");
     let ran = run(&folder, &["check", "film.toml", "--memory", "512M"]);

@@ -3,10 +3,11 @@
 use super::{File, Read, extension::IMAGES, json::Json, resource};
 use crate::scene::{
     material::{TexelEncoding, Texture, TextureUse, Wrap},
+    mips::{level_size, with_mips},
     model::Model,
 };
 use glam::{Affine2, Mat2, Vec2};
-use std::collections::{HashMap, hash_map::Entry};
+use std::collections::HashMap;
 
 /// A texture that a material names: its number, the set of coordinates in the file, and how it lies on them.
 #[derive(Clone, Copy)]
@@ -35,8 +36,12 @@ impl Info {
 #[derive(Default)]
 pub(super) struct Textures {
     known: HashMap<(usize, TexelEncoding), Option<usize>>,
-    images: HashMap<usize, ([u32; 2], Vec<[u8; 4]>)>,
+    /// How often all were halved, so that they fit together.
+    halved: u32,
 }
+
+/// The most texels of all textures of a file while it is read, 256 MiB. Those of a scene are bounded later.
+const MOST: usize = 1 << 26;
 
 impl Textures {
     /// Returns the place of texture `index` in the model. A texture that cannot be read is left out.
@@ -50,19 +55,15 @@ impl Textures {
         if let Some(known) = self.known.get(&(index, encoding)) {
             return *known;
         }
-        let loaded = self.load(file, index, encoding).unwrap_or_else(|fault| {
+        let place = self.load(file, index, encoding, model).unwrap_or_else(|fault| {
             file.left_out(fault);
             None
-        });
-        let place = loaded.map(|texture| {
-            model.textures.push(texture);
-            model.textures.len() - 1
         });
         self.known.insert((index, encoding), place);
         place
     }
 
-    fn load(&mut self, file: &File, index: usize, encoding: TexelEncoding) -> Read<Option<Texture>> {
+    fn load(&mut self, file: &File, index: usize, encoding: TexelEncoding, model: &mut Model) -> Read<Option<usize>> {
         let source = file.root.entry("textures", index);
         let webp = source.extension("EXT_texture_webp").index("source");
         let Some(image) = source.index("source").or(webp) else {
@@ -79,25 +80,52 @@ impl Textures {
             file.warn(&user, &problem);
             return Ok(None);
         };
-        let (size, texels) = match self.images.entry(image) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(resource::image(file, image)?),
-        };
         let sampler = file.root.entry("samplers", source.index("sampler").unwrap_or(usize::MAX));
         let wrap = |key: &str| match sampler.index(key) {
             Some(33071) => Wrap::ClampToEdge,
             Some(33648) => Wrap::MirroredRepeat,
             _ => Wrap::Repeat,
         };
-        Ok(Some(Texture {
+        let texture = Texture {
             name: format!("{}: image {image}", file.subject),
-            size: *size,
-            texels: texels.clone(),
+            size: [0, 0],
+            texels: Vec::new(),
             encoding,
             wrap: [wrap("wrapS"), wrap("wrapT")],
             nearest: sampler.index("magFilter") == Some(9728),
-        }))
+        };
+        let alike = |t: &Texture| {
+            (&t.name, t.encoding, t.wrap, t.nearest) == (&texture.name, texture.encoding, texture.wrap, texture.nearest)
+        };
+        if let Some(place) = model.textures.iter().position(alike) {
+            return Ok(Some(place));
+        }
+        let (size, texels) = resource::image(file, image)?;
+        self.add(file, Texture { size, texels, ..texture }, model);
+        Ok(Some(model.textures.len() - 1))
     }
+
+    /// Adds a texture to those of a model. If all together are too many texels, all are halved.
+    fn add(&mut self, file: &File, texture: Texture, model: &mut Model) {
+        model.textures.push(texture);
+        (0..self.halved).for_each(|_| halve(model.textures.last_mut()));
+        while model.textures.iter().map(|texture| texture.texels.len()).sum::<usize>() > MOST {
+            if self.halved == 0 {
+                file.warn("textures", "all together exceed 256 MiB: all are reduced");
+            }
+            self.halved += 1;
+            model.textures.iter_mut().for_each(|texture| halve(Some(texture)));
+        }
+    }
+}
+
+/// Takes the next coarser mip level of a texture instead of it.
+fn halve(texture: Option<&mut Texture>) {
+    let Some(texture) = texture.filter(|texture| texture.size != [1, 1]) else { return };
+    let texels = with_mips(texture, 1, None);
+    texture.size = level_size(texture.size, 1);
+    let count = texture.size[0] as usize * texture.size[1] as usize;
+    texture.texels = texels[..count].iter().map(|texel| texel.to_le_bytes()).collect();
 }
 
 /// Takes the textures out of a model that none of its materials uses. They were converted to others.
