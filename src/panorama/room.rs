@@ -2,7 +2,7 @@
 
 use super::{
     cloud::{Cloud, plane},
-    depth::{DepthEncoding, Rule, length_words as metres, swapped_words, unit, unit_words},
+    depth::{DepthEncoding, Rule, length_words as metres, swap_warning, unit, unit_words},
     level::{rotation, upright},
     mapping::{bilinear, texel_direction},
     source::{PanoramaFrame, PanoramaSpec},
@@ -126,6 +126,10 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
         return Vec::new();
     };
     let farthest = cloud.percentile(0.99).unwrap_or(median);
+    // Of depth that is read the wrong way round nothing else can be said.
+    if let Some(swapped) = swap_warning(cloud, rule) {
+        return vec![format!("{subject}: {swapped}")];
+    }
     let mut warnings = Vec::new();
     let mut warn = |text: String| warnings.push(format!("{subject}: {text}"));
     let range = format!("its depth is from {} to {}", metres(nearest), metres(farthest));
@@ -145,28 +149,24 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
             "{range}: relative depth has no metres; write scale = {scale:.3} if the camera stands 1.6 m over the floor"
         ));
     }
-    if is_inverted(cloud) {
-        warn(swapped_words(rule.encoding));
-    } else {
-        let axis = |i: usize| cloud.directions[i].abs().max_element();
-        let radial = bending(cloud, |i| 1.0 / cloud.depth[i].max(1e-6));
-        match rule.encoding {
-            DepthEncoding::Radial => {
-                let planar = bending(cloud, |i| axis(i) / cloud.depth[i].max(1e-6));
-                if radial > BENT && planar < 0.4 * radial {
-                    let what = "its walls are bent, and are flat if it holds distances along the axes of cube faces";
-                    warn(format!("{what}; write encoding = \"planar\""));
-                }
+    let axis = |i: usize| cloud.directions[i].abs().max_element();
+    let radial = bending(cloud, |i| 1.0 / cloud.depth[i].max(1e-6));
+    match rule.encoding {
+        DepthEncoding::Radial => {
+            let planar = bending(cloud, |i| axis(i) / cloud.depth[i].max(1e-6));
+            if radial > BENT && planar < 0.4 * radial {
+                let what = "its walls are bent, and are flat if it holds distances along the axes of cube faces";
+                warn(format!("{what}; write encoding = \"planar\""));
             }
-            DepthEncoding::Planar => {
-                let unbent = bending(cloud, |i| 1.0 / (cloud.depth[i] * axis(i)).max(1e-6));
-                if radial > BENT && unbent < 0.4 * radial {
-                    let what = "its walls are bent, and are flat if it holds radial distances";
-                    warn(format!("{what}; write encoding = \"radial\""));
-                }
-            }
-            DepthEncoding::Disparity => {}
         }
+        DepthEncoding::Planar => {
+            let unbent = bending(cloud, |i| 1.0 / (cloud.depth[i] * axis(i)).max(1e-6));
+            if radial > BENT && unbent < 0.4 * radial {
+                let what = "its walls are bent, and are flat if it holds radial distances";
+                warn(format!("{what}; write encoding = \"radial\""));
+            }
+        }
+        DepthEncoding::Disparity => {}
     }
     warnings
 }
@@ -174,30 +174,34 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
 /// A floor that is steeper than this is not level, degrees.
 const TILTED: f32 = 2.0;
 
-/// Warns of a floor that is not level.
-///
-/// `spec` says how the panorama is turned now.
-pub fn tilt_warning(floor: Option<Level>, spec: &PanoramaSpec, subject: &str) -> Option<String> {
-    let floor = floor.filter(|floor| floor.tilt > TILTED)?;
-    let now = Quat::from_rotation_y(spec.yaw_degrees.to_radians()) * rotation(spec.pitch_degrees, spec.roll_degrees);
-    let [pitch, roll] = tenths(upright(now.inverse() * Vec3::from(floor.normal)));
-    let what = format!("its floor is tilted by {:.1}°", floor.tilt);
-    Some(format!("{subject}: {what}; to level it, write pitch = {pitch:.1} and roll = {roll:.1} in [panorama]"))
-}
-
-/// Returns pitch and roll that level a panorama as it is, if its camera was tilted: the ceiling must be as the floor
-/// is, because depth that is wrong tilts each in its own way. Where there is none the floor must be steeper.
-pub fn levelling(cloud: &Cloud) -> Option<[f32; 2]> {
-    let floor = level(cloud, true)?;
+/// Returns the floor's normal if the camera was tilted: the ceiling must be as the floor is, because depth that is wrong
+/// tilts each in its own way. Where there is none the floor must be steeper.
+fn tilted(floor: Option<Level>, ceiling: Option<Level>) -> Option<Vec3> {
+    let floor = floor?;
     let normal = Vec3::from(floor.normal);
-    let tilted = match level(cloud, false) {
+    let tilted = match ceiling {
         Some(ceiling) => {
             let apart = (-normal.dot(Vec3::from(ceiling.normal))).clamp(-1.0, 1.0).acos().to_degrees();
             floor.tilt > TILTED && apart < (floor.tilt / 3.0).max(1.0)
         }
         None => floor.tilt > 2.5 * TILTED,
     };
-    tilted.then(|| tenths(upright(normal)))
+    tilted.then_some(normal)
+}
+
+/// Warns of a camera that was tilted. `levels` are the floor and the ceiling, and `spec` says how the panorama is turned now.
+pub fn tilt_warning(levels: [Option<Level>; 2], spec: &PanoramaSpec, subject: &str) -> Option<String> {
+    let [floor, ceiling] = levels;
+    let normal = tilted(floor, ceiling)?;
+    let now = Quat::from_rotation_y(spec.yaw_degrees.to_radians()) * rotation(spec.pitch_degrees, spec.roll_degrees);
+    let [pitch, roll] = tenths(upright(now.inverse() * normal));
+    let what = format!("its floor is tilted by {:.1}°", floor?.tilt);
+    Some(format!("{subject}: {what}; to level it, write pitch = {pitch:.1} and roll = {roll:.1} in [panorama]"))
+}
+
+/// Returns pitch and roll that level a panorama as it is, if its camera was tilted.
+pub fn levelling(cloud: &Cloud) -> Option<[f32; 2]> {
+    tilted(level(cloud, true), level(cloud, false)).map(|normal| tenths(upright(normal)))
 }
 
 /// Rounds angles to tenths of a degree. Adding 0 makes of −0 a plain one.
@@ -205,8 +209,46 @@ fn tenths(degrees: [f32; 2]) -> [f32; 2] {
     degrees.map(|x| (10.0 * x).round() / 10.0 + 0.0)
 }
 
+/// Which way round depth is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reading {
+    /// Near is near.
+    Sound,
+    /// Surfaces are flat if it is read the other way round.
+    Swapped,
+}
+
+/// Says whether near and far are swapped: whichever of the two readings makes the large surfaces flatter is right.
+/// What is straight down lies farther than what lies ahead in most rooms that are swapped, but in corridors, too.
+pub(super) fn reading(cloud: &Cloud) -> Reading {
+    let axis = |i: usize| cloud.directions[i].abs().max_element();
+    let inverse = |i: usize| 1.0 / cloud.depth[i].max(1e-6);
+    let given = bending(cloud, inverse).min(bending(cloud, |i| axis(i) * inverse(i)));
+    if given.is_nan() {
+        let swapped = is_deep_below(cloud) && level(cloud, true).is_none();
+        return if swapped { Reading::Swapped } else { Reading::Sound };
+    }
+    if given <= BENT {
+        return Reading::Sound;
+    }
+    let disparity = bending(cloud, |i| cloud.depth[i]);
+    let part = if is_deep_below(cloud) { 0.85 } else { 0.4 };
+    if disparity < part * given || turned_round(cloud) < BENT.min(0.4 * given) {
+        return Reading::Swapped;
+    }
+    Reading::Sound
+}
+
+/// How bent surfaces are if depth is a distance that was turned round, with the offset that makes them flattest.
+fn turned_round(cloud: &Cloud) -> f32 {
+    let (Some(near), Some(far)) = (cloud.percentile(0.0), cloud.percentile(1.0)) else { return f32::NAN };
+    let offsets = [0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0].map(|part| far + part * (far - near));
+    let bent = offsets.map(|offset| bending(cloud, |i| 1.0 / (offset - cloud.depth[i]).max(1e-6)));
+    bent.into_iter().fold(f32::NAN, f32::min)
+}
+
 /// Says whether what is straight down lies much farther than what lies ahead.
-pub(super) fn is_inverted(cloud: &Cloud) -> bool {
+fn is_deep_below(cloud: &Cloud) -> bool {
     let median = |range: [f32; 2]| {
         let mut depths: Vec<f32> = (0..cloud.depth.len())
             .filter(|i| cloud.depth[*i] > 0.0 && (range[0]..range[1]).contains(&cloud.directions[*i].y))
