@@ -272,7 +272,14 @@ pub struct Fit {
     /// Where the best other place is: degrees to the right, and whether left and right are swapped.
     pub degrees: f32,
     pub mirrored: bool,
+    /// The same as `here` of the places alone where one surface ends before another; `None` if they are few, or if the
+    /// colour has hardly any edges.
+    pub steps: Option<f32>,
 }
+
+/// The share of the grid that tells how edges fit.
+const LEAST_EDGES: usize = 400;
+const LEAST_STEPS: usize = 250;
 
 /// Compares the edges of depth with those of colour, turned by any angle and mirrored. `None` if the depth
 /// has too few.
@@ -287,60 +294,102 @@ pub fn edges(frame: &PanoramaFrame, cloud: &Cloud) -> Option<Fit> {
             (color.dot(Vec3::new(0.2126, 0.7152, 0.0722)) + 0.01).ln()
         })
         .collect();
-    let inverse: Vec<f32> = cloud.depth.iter().map(|d| if *d > 0.0 { d.ln() } else { f32::NAN }).collect();
-    let gradient = |values: &[f32], i: usize| {
+    let logarithm: Vec<f32> = cloud.depth.iter().map(|d| if *d > 0.0 { d.ln() } else { f32::NAN }).collect();
+    // The values to the right and left of a cell, below and above.
+    let around = |values: &[f32], i: usize| {
         let (column, row) = (i % width, i / width);
-        let across = values[row * width + (column + 1) % width] - values[row * width + (column + width - 1) % width];
-        let along = values[(row + 1).min(height - 1) * width + column] - values[row.saturating_sub(1) * width + column];
-        let size = across.hypot(along);
+        let across = [(column + 1) % width, (column + width - 1) % width].map(|column| values[row * width + column]);
+        let along = [(row + 1).min(height - 1), row.saturating_sub(1)].map(|row| values[row * width + column]);
+        (across, along)
+    };
+    let gradient = |values: &[f32], i: usize| {
+        let ([right, left], [below, above]) = around(values, i);
+        let size = (right - left).hypot(below - above);
         if size.is_finite() { size } else { 0.0 }
+    };
+    // Where surfaces end, and not where they recede: on a plane 1/depth is smooth.
+    let is_step = |i: &usize| {
+        let ([right, left], [below, above]) = around(&cloud.depth, *i);
+        let bend = |a: f32, b: f32| (cloud.depth[*i] * (1.0 / a + 1.0 / b) - 2.0).abs();
+        let most = bend(right, left).max(bend(below, above));
+        most.is_finite() && most > 0.12
     };
     let colour: Vec<f32> = (0..width * height).map(|i| gradient(&luminance, i).min(1.0)).collect();
     let depth: Vec<usize> =
-        rows.flat_map(|row| row * width..(row + 1) * width).filter(|i| gradient(&inverse, *i) > 0.15).collect();
-    if depth.len() < width * height / 400 || width < 32 {
+        rows.flat_map(|row| row * width..(row + 1) * width).filter(|i| gradient(&logarithm, *i) > 0.15).collect();
+    if depth.len() < width * height / LEAST_EDGES || width < 32 {
         return None;
     }
+    let steps: Vec<usize> = depth.iter().copied().filter(is_step).collect();
+    let is_clear = colour.iter().filter(|edge| **edge > 0.1).count() > width * height / 10;
+    let steps = Some(steps).filter(|steps| is_clear && steps.len() >= width * height / LEAST_STEPS);
+    let [here, elsewhere] = fits(&colour, &depth, width)?;
+    let turned =
+        if elsewhere.shift > width / 2 { elsewhere.shift as f32 - width as f32 } else { elsewhere.shift as f32 };
+    Some(Fit {
+        here: here.score,
+        elsewhere: elsewhere.score,
+        degrees: turned * 360.0 / width as f32,
+        mirrored: elsewhere.mirrored,
+        steps: steps.and_then(|steps| fits(&colour, &steps, width)).map(|[here, _]| here.score),
+    })
+}
+
+/// How cells fit the colour's edges at one of the places that are tried.
+#[derive(Clone, Copy)]
+struct Trial {
+    /// Standard deviations over the mean of all places.
+    score: f32,
+    shift: usize,
+    mirrored: bool,
+}
+
+/// Returns how cells of a grid `width` wide fit edges of colour best: as they are, and turned or mirrored.
+fn fits(colour: &[f32], cells: &[usize], width: usize) -> Option<[Trial; 2]> {
     let score = |shift: usize, mirrored: bool| {
         let at = |i: &usize| {
             let (column, row) = (i % width, i / width);
             let column = if mirrored { width - 1 - column } else { column };
             colour[row * width + (column + shift) % width]
         };
-        depth.iter().map(at).sum::<f32>() / depth.len() as f32
+        cells.iter().map(at).sum::<f32>() / cells.len() as f32
     };
-    let all: Vec<(f32, usize, bool)> = [false, true]
+    let mut all: Vec<Trial> = [false, true]
         .into_iter()
-        .flat_map(|m| (0..width).map(move |s| (s, m)))
-        .map(|(s, m)| (score(s, m), s, m))
+        .flat_map(|mirrored| (0..width).map(move |shift| (shift, mirrored)))
+        .map(|(shift, mirrored)| Trial { score: score(shift, mirrored), shift, mirrored })
         .collect();
-    let mean = all.iter().map(|(score, ..)| score).sum::<f32>() / all.len() as f32;
-    let deviation = (all.iter().map(|(s, ..)| (s - mean) * (s - mean)).sum::<f32>() / all.len() as f32).sqrt();
+    let mean = all.iter().map(|trial| trial.score).sum::<f32>() / all.len() as f32;
+    let deviation = (all.iter().map(|trial| (trial.score - mean).powi(2)).sum::<f32>() / all.len() as f32).sqrt();
     if deviation <= 0.0 {
         return None;
     }
+    all.iter_mut().for_each(|trial| trial.score = (trial.score - mean) / deviation);
     let near = width / 60 + 1;
-    let is_here = |shift: usize, mirrored: bool| !mirrored && (shift <= near || shift >= width - near);
-    let best =
-        |here: bool| all.iter().filter(|(_, s, m)| is_here(*s, *m) == here).max_by(|a, b| a.0.total_cmp(&b.0)).copied();
-    let ((here, ..), (elsewhere, shift, mirrored)) = (best(true)?, best(false)?);
-    let turned = if shift > width / 2 { shift as f32 - width as f32 } else { shift as f32 };
-    Some(Fit {
-        here: (here - mean) / deviation,
-        elsewhere: (elsewhere - mean) / deviation,
-        degrees: turned * 360.0 / width as f32,
-        mirrored,
-    })
+    let is_here = |trial: &&Trial| !trial.mirrored && (trial.shift <= near || trial.shift >= width - near);
+    let best = |here: bool| {
+        all.iter().filter(|trial| is_here(trial) == here).max_by(|a, b| a.score.total_cmp(&b.score)).copied()
+    };
+    Some([best(true)?, best(false)?])
 }
 
-/// Warns of depth that belongs elsewhere in its colour.
+/// Depth of another picture stands out by less than this, standard deviations, and that of real pictures by 3.5 and more.
+const FITS: f32 = 2.0;
+
+/// Warns of depth that belongs elsewhere in its colour, or to another picture.
 pub fn edge_warning(fit: Option<Fit>, subject: &str) -> Option<String> {
-    let fit = fit.filter(|fit| fit.here < 2.5 && fit.elsewhere > fit.here + 2.0 && fit.elsewhere > 4.0)?;
-    let how = match (fit.mirrored, fit.degrees) {
-        (true, _) => "mirrored left to right".to_owned(),
-        (false, degrees) => format!("turned by {degrees:.0}°"),
-    };
-    Some(format!(
-        "{subject}: the edges of the depth fit the colour only if one of them is {how}; mend the image that is wrong"
-    ))
+    let fit = fit?;
+    if fit.here < 2.5 && fit.elsewhere > fit.here + 2.0 && fit.elsewhere > 4.0 {
+        let how = match (fit.mirrored, fit.degrees) {
+            (true, _) => "mirrored left to right".to_owned(),
+            (false, degrees) => format!("turned by {degrees:.0}°"),
+        };
+        return Some(format!(
+            "{subject}: the edges of the depth fit the colour only if one of them is {how}; mend the image that is wrong"
+        ));
+    }
+    fit.steps.filter(|steps| *steps < FITS).map(|_| {
+        let what = "the edges of the depth lie nowhere on those of the colour, as if it were turned, mirrored or of another picture";
+        format!("{subject}: {what}; check that color and depth name the same view")
+    })
 }

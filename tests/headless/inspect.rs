@@ -155,6 +155,13 @@ fn pictures_that_do_not_fit_are_recognised() {
     warns(&folder(distance, mirrored, ""), &["mirrored"]);
     let turned = |d: Vec3| paint(Quat::from_rotation_y(1.0) * d);
     warns(&folder(distance, turned, ""), &["turned by"]);
+    // The depth of another room, whose cupboards stand elsewhere.
+    let other = |d: Vec3| {
+        let walls = leaves(d, vec3(-3.0, -1.5, -2.0), vec3(2.5, 1.1, 4.0));
+        let cupboards = [(vec3(-0.4, -1.5, -1.9), vec3(0.9, 0.6, -1.2)), (vec3(-1.5, -1.5, 1.4), vec3(-0.8, 0.4, 2.2))];
+        cupboards.into_iter().filter_map(|(low, high)| enters(d, low, high)).fold(walls, f32::min)
+    };
+    warns(&folder(other, paint, ""), &["lie nowhere on those of the colour"]);
     // Directions of the file are turned to those of the room.
     let lean = Quat::from_rotation_z(0.1);
     let tilted = |keys: &str| folder(|d| distance(lean * d), |d| paint(lean * d), keys);
@@ -301,6 +308,19 @@ fn a_new_scene_is_right_at_the_first_try() {
     assert!(text.contains("scale = 21.3") && text.contains("position = [0, 1.59"), "{text}");
     let text = place("disparity", 3.0, -1);
     assert!(text.contains("encoding = \"disparity\"") && text.contains("scale = 3.2"), "{text}");
+
+    // A tall model is in the picture from head to foot.
+    let tall = folder(distance, paint, "");
+    cube_model(&tall, 1.5);
+    tall.succeeds("new color.exr depth.exr cube.glb -o tall.toml");
+    let text = std::fs::read_to_string(tall.path("tall.toml")).expect("written");
+    let value = |key: &str| text.split(key).nth(1).and_then(|rest| rest.split(['\n', ']']).next()).expect("a key");
+    let look: Vec<f32> = value("look_at = [").split(',').map(|x| x.trim().parse().expect("a number")).collect();
+    let half = 0.5 * value("fov_y = ").parse::<f32>().expect("a number");
+    let away = look[0].hypot(look[2]);
+    let elevation = |over: f32, away: f32| (over - 1.5).atan2(away).to_degrees();
+    let middle = elevation(look[1], away);
+    assert!(elevation(0.0, away - 0.75) > middle - half && elevation(1.5, away) < middle + half, "{text}");
 
     let folder = folder(distance, paint, "");
     folder.succeeds("new color.exr -o box.toml");
