@@ -210,6 +210,8 @@ pub(super) fn depth(layers: &[ExrLayer], wanted: Option<&str>, subject: &str) ->
         let in_depth_layer = has_word(name, &DEPTH);
         // What is taken for a colour is depth only where there is nothing else.
         let in_color = rgb(layer).is_some_and(|all| all[0] != all[1]);
+        let has = |wanted: &str| layer.channels.iter().any(|(channel, _)| channel.eq_ignore_ascii_case(wanted));
+        let is_vector = ["x", "y", "z"].into_iter().all(has);
         let lower = channel.to_lowercase();
         Some(match lower.as_str() {
             "a" => return None,
@@ -232,6 +234,9 @@ pub(super) fn depth(layers: &[ExrLayer], wanted: Option<&str>, subject: &str) ->
             _ if count == 1 => 1,
             "d" | "pz" if main => 2,
             "y" if main && !in_color => 2,
+            // X, Y and Z are a position or a normal.
+            "x" | "y" if is_vector => return None,
+            "z" if is_vector && !is_part => 8,
             "z" | "y" | "v" if !is_part && !in_color => 3,
             "z" if !is_part => 3,
             "r" if in_color && (main || !is_part) => 9,
@@ -256,9 +261,9 @@ pub(super) fn depth(layers: &[ExrLayer], wanted: Option<&str>, subject: &str) ->
             found.extend(rank.map(|rank| (rank, index, place)));
         }
     }
-    // Of channels that could be meant alike, Z.
+    // Of channels of a layer that could be meant alike, Z.
     let is_other = |layer: usize, place: usize| !layers[layer].channels[place].0.eq_ignore_ascii_case("z");
-    found.sort_by_key(|&(rank, layer, place)| (rank, is_other(layer, place), layer, place));
+    found.sort_by_key(|&(rank, layer, place)| (rank, layer, is_other(layer, place), place));
     let Some(&(best, index, place)) = found.first() else {
         return Err(match wanted {
             Some(wanted) => no_such(layers, wanted, subject),
