@@ -101,8 +101,9 @@ pub fn run(args: &Args) -> Result<()> {
     let gpu = args.device.open()?;
     let settings = CaptureSettings { size, samples: args.spp, seed: args.seed, denoise: args.denoise, progress: false };
     let bar = progress(args.quiet, u64::from(frames.unwrap_or(1)) * u64::from(args.spp), "capturing");
-    capture_sequence(&gpu, &room, position, frames, &settings, &args.output, || bar.inc(1))?;
+    let black = capture_sequence(&gpu, &room, position, frames, &settings, &args.output, || bar.inc(1))?;
     bar.finish_and_clear();
+    warnings::tell(room.black_warning(black, &args.room).as_slice());
     write_bytes(&scene, text.as_bytes())?;
     if !args.quiet {
         super::print(&scene.display().to_string());

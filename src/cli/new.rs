@@ -22,6 +22,7 @@ use crate::{
     scene::{
         Object, Scene,
         animation::{Placement, Transform},
+        bounds::Bounds,
         gltf,
         placing::model_bounds,
     },
@@ -231,33 +232,99 @@ fn scene_text(args: &Args, panorama: &Picture, depth: &Depth, models: &[&PathBuf
     let found = if floor.is_some() { "the floor that was found is" } else { "no floor was found; it is taken for" };
     let _ = writeln!(out, "position = [0, {height:.3}, 0]  # {found} y = 0");
     let [x, _, z] = spot.to_array();
-    let _ = writeln!(out, "\n[camera]  # at the capture point\nlook_at = [{x:.2}, 0.2, {z:.2}]\nfov_y = 50");
+    let right = Vec3::new(-spot.z, 0.0, spot.x).normalize_or_zero();
+    let standing = models.iter().enumerate().map(|(index, path)| {
+        Standing::load(path, spot + right * 0.7 * (index as f32 - 0.5 * (models.len() - 1) as f32))
+    });
+    let standing: Vec<Standing> = standing.collect::<Result<_>>()?;
+    let [look, fov] = framing(&standing, height, spot.length());
+    let _ = writeln!(out, "\n[camera]  # at the capture point\nlook_at = [{x:.2}, {look}, {z:.2}]\nfov_y = {fov}");
     if models.is_empty() {
         let _ = writeln!(out, "\n# Something to begin with.\n[[object]]\nshape = \"sphere\"\nsize = 0.3");
         let _ = writeln!(out, "place = {{ floor = [{x:.2}, {z:.2}] }}");
     }
-    let right = Vec3::new(-spot.z, 0.0, spot.x).normalize_or_zero();
-    for (index, path) in models.iter().enumerate() {
-        let at = spot + right * 0.7 * (index as f32 - 0.5 * (models.len() - 1) as f32);
-        let (model, _) = gltf::load(path)?;
-        let clip = (!model.rig.clips.is_empty()).then_some(0);
-        let placement = Placement::fixed(Transform::IDENTITY);
-        let object = Object { name: String::new(), model: Arc::new(model), placement, clip, speed: 1.0 };
-        let bounds = model_bounds(&object, &Affine3A::IDENTITY);
-        let largest = (bounds.max - bounds.min).max_element();
-        let _ = writeln!(out, "\n[[object]]\ngltf = {}", quoted(path));
+    for model in &standing {
+        let at = model.at;
+        let _ = writeln!(out, "\n[[object]]\ngltf = {}", quoted(model.path));
         if floor.is_some() {
             let _ = writeln!(out, "place = {{ floor = [{:.2}, {:.2}], facing = \"camera\" }}", at.x, at.z);
         } else {
-            let down = if bounds.is_empty() { 0.0 } else { -bounds.min.y };
+            let down = if model.bounds.is_empty() { 0.0 } else { -model.bounds.min.y };
             let _ = writeln!(out, "translation = [{:.2}, {down:.3}, {:.2}]", at.x, at.z);
         }
-        if !(0.03..3.0).contains(&largest) {
+        if model.is_odd() {
+            let largest = model.largest();
             let _ =
                 writeln!(out, "size = 0.4  # metres, its largest side. Its own {largest:.3} m can hardly be meant.");
         }
     }
     Ok(out)
+}
+
+/// A model that is put into the room.
+struct Standing<'a> {
+    path: &'a Path,
+    /// Its own box, metres.
+    bounds: Bounds,
+    /// Where it stands, from the capture point.
+    at: Vec3,
+}
+
+impl<'a> Standing<'a> {
+    fn load(path: &'a Path, at: Vec3) -> Result<Self> {
+        let (model, _) = gltf::load(path)?;
+        let clip = (!model.rig.clips.is_empty()).then_some(0);
+        let placement = Placement::fixed(Transform::IDENTITY);
+        let object = Object { name: String::new(), model: Arc::new(model), placement, clip, speed: 1.0 };
+        Ok(Self { path, bounds: model_bounds(&object, &Affine3A::IDENTITY), at })
+    }
+
+    fn largest(&self) -> f32 {
+        (self.bounds.max - self.bounds.min).max_element()
+    }
+
+    /// Whether its own size can hardly be meant.
+    fn is_odd(&self) -> bool {
+        !(0.03..3.0).contains(&self.largest())
+    }
+
+    /// Its extents in the scene, metres.
+    fn size(&self) -> Vec3 {
+        if self.bounds.is_empty() {
+            return Vec3::ZERO;
+        }
+        (self.bounds.max - self.bounds.min) * if self.is_odd() { 0.4 / self.largest() } else { 1.0 }
+    }
+}
+
+/// The height over the floor that the camera looks at, `distance` ahead, and its vertical field of view in degrees, so
+/// that all models are in the picture. The camera is `height` over the floor.
+fn framing(standing: &[Standing<'_>], height: f32, distance: f32) -> [f32; 2] {
+    const USUAL: [f32; 2] = [0.2, 50.0];
+    /// Around what is shown, degrees.
+    const MARGIN: f32 = 4.0;
+    let elevation = |over: f32, away: f32| (over - height).atan2(away).to_degrees();
+    let middle = elevation(USUAL[0], distance);
+    let (mut low, mut high, mut across) = (f32::MAX, f32::MIN, 0.0_f32);
+    for model in standing {
+        // It may be turned in any way.
+        let (size, away) = (model.size(), model.at.length());
+        let radius = 0.5 * size.x.hypot(size.z);
+        let near = (away - radius).max(0.3 * away);
+        low = low.min(elevation(0.0, near));
+        high = high.max(elevation(size.y, near)).max(elevation(size.y, away + radius));
+        let aside = model.at.angle_between(standing[0].at.lerp(standing[standing.len() - 1].at, 0.5));
+        across = across.max(aside + (radius / away).atan());
+    }
+    let fits = low > middle - 0.5 * USUAL[1] && high < middle + 0.5 * USUAL[1] && across < 38_f32.to_radians();
+    if standing.is_empty() || fits {
+        return USUAL;
+    }
+    // Pictures are 16:9 by default.
+    let wide = 2.0 * (across.min(1.2).tan() * 9.0 / 16.0).atan().to_degrees();
+    let fov = (high - low).max(wide) + 2.0 * MARGIN;
+    let look = height + distance * (0.5 * (low + high)).to_radians().tan();
+    [(100.0 * look).round() / 100.0, fov.round().clamp(USUAL[1], 100.0)]
 }
 
 /// A place on the floor where nothing stands: as straight ahead as can be, within a few steps.

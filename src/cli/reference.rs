@@ -13,9 +13,13 @@ use crate::{
         write::{write_display, write_exr},
     },
     output::{FileKind, write},
-    reference::truth::{self, End, Goal, NOISE_EVERY},
+    reference::{
+        capture::is_black,
+        truth::{self, End, Goal, NOISE_EVERY},
+    },
     renderer::Renderer,
     settings::Method,
+    warnings,
 };
 use indicatif::ProgressStyle;
 use std::{path::PathBuf, sync::atomic::Ordering};
@@ -153,10 +157,13 @@ fn scene(args: &Args, kind: FileKind, goal: Goal, frame: u32) -> Result<()> {
     bar.0.finish_and_clear();
 
     let sums = tracer.read()?;
+    let radiance = sums.radiance();
     match kind {
-        FileKind::Png => write_display(&args.output, size, &sums.radiance(), scene.exposure)?,
-        FileKind::Exr => write_exr(&args.output, &[ExrLayer::rgb("", size, &sums.radiance())])?,
+        FileKind::Png => write_display(&args.output, size, &radiance, scene.exposure)?,
+        FileKind::Exr => write_exr(&args.output, &[ExrLayer::rgb("", size, &radiance)])?,
     }
+    let black = is_black(radiance.iter().copied());
+    warnings::tell(scene.black_warning(black, &args.output.display().to_string()).as_slice());
     let so_far = so_far("samples", sums.samples, sums.relative_noise());
     if end == End::Interrupted {
         return Err(Error::Interrupted {

@@ -11,37 +11,58 @@ use std::io::{Cursor, Read as _};
 use tiff::{
     ColorType,
     decoder::{Decoder, DecodingResult},
+    tags::Tag,
 };
 
 /// Decodes such a file; `None` if it is none.
 pub(super) fn decode(bytes: &[u8], subject: &str) -> Option<Result<Raster>> {
-    let damaged =
-        |problem: String| Error::input(subject, format!("cannot be decoded: {}", one_line(&problem)), "write it again");
     let array = match bytes {
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => npy(bytes),
-        [b'P', b'K', 3, 4, ..] => npz(bytes),
+        [b'P', b'K', 3, 4, ..] => npz(bytes, None),
         [b'P', b'f' | b'F', b'\n' | b'\r' | b' ', ..] => pfm(bytes),
         [b'P', b'I', b'E', b'H', ..] => dpt(bytes),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => deep_tiff(bytes)?,
         _ => return None,
     };
-    Some(array.map_err(damaged).and_then(|array| {
-        check_size(array.size, subject)?;
-        Ok(Raster {
-            size: array.size,
-            channels: array.channels,
-            samples: array.samples,
-            lossy: false,
-            color: ColorSpace::LINEAR,
-            notes: array.note.into_iter().collect(),
-        })
-    }))
+    Some(raster(array, subject))
+}
+
+/// Decodes the array of an NPZ that is called `name`; `None` if it is no NPZ.
+pub(super) fn named(bytes: &[u8], name: &str, subject: &str) -> Option<Result<Raster>> {
+    matches!(bytes, [b'P', b'K', 3, 4, ..]).then(|| raster(npz(bytes, Some(name)), subject))
+}
+
+fn raster(array: Decoded, subject: &str) -> Result<Raster> {
+    let damaged = |problem: String| {
+        let remedy = match problem.as_str() {
+            problem if problem.starts_with("has no array") => "choose one of these as layer",
+            problem if problem.starts_with("TIFF: ") => "convert it to a TIFF or PNG of 8 or 16 bits, or to an EXR",
+            _ => "write it again",
+        };
+        let problem = match one_line(&problem) {
+            problem if problem.starts_with("has no array") => problem,
+            problem => format!("cannot be decoded: {problem}"),
+        };
+        Error::input(subject, problem, remedy)
+    };
+    let array = array.map_err(damaged)?;
+    check_size(array.size, subject)?;
+    Ok(Raster {
+        size: array.size,
+        channels: array.channels,
+        samples: array.samples,
+        lossy: false,
+        color: if array.srgb { ColorSpace::SRGB } else { ColorSpace::LINEAR },
+        notes: array.note.into_iter().collect(),
+    })
 }
 
 struct Array {
     size: [u32; 2],
     channels: usize,
     samples: Samples,
+    /// Whether its numbers are those of a picture as it is shown, not light.
+    srgb: bool,
     note: Option<String>,
 }
 
@@ -56,7 +77,7 @@ fn shaped(shape: &[usize], samples: Samples) -> Decoded {
         _ => return Err(format!("its shape is {shape:?}, not height × width")),
     };
     let side = |side: usize| u32::try_from(side).map_err(|_| format!("its shape is {shape:?}"));
-    Ok(Array { size: [side(width)?, side(height)?], channels, samples, note: None })
+    Ok(Array { size: [side(width)?, side(height)?], channels, samples, srgb: false, note: None })
 }
 
 /// Numbers of a type as NumPy names it, like `<f4`.
@@ -175,8 +196,23 @@ fn some_of(names: &[String]) -> String {
     format!("{}{more}", names[..names.len().min(MOST)].join(", "))
 }
 
-/// Of several arrays the one whose name means depth, or the only one that is an image.
-fn npz(bytes: &[u8]) -> Decoded {
+/// What the name of an array says of it: it is depth (0), nothing (1), or something else (2).
+fn meaning(name: &str) -> usize {
+    let name = name.to_lowercase();
+    let name = name.trim_end_matches(".npy");
+    let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+    let is = |words: &[&str]| name.split(|letter: char| !letter.is_alphanumeric()).any(|part| words.contains(&part));
+    match () {
+        () if has(&["mask", "valid", "conf", "sky", "label", "segment", "uncertain"]) => 2,
+        () if has(&["depth", "distance", "disparity"]) || is(&["dist", "disp", "pred", "prediction"]) => 0,
+        () if has(&["image", "rgb", "color", "colour", "trinsic", "camera", "pose", "normal", "point"]) => 2,
+        () if is(&["k", "xyz", "time", "timestamp", "index", "id"]) => 2,
+        () => 1,
+    }
+}
+
+/// Of several arrays the one that is called `wanted`, or whose name means depth, or the only one that is an image.
+fn npz(bytes: &[u8], wanted: Option<&str>) -> Decoded {
     let words = |error: zip::result::ZipError| one_line(&error);
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(words)?;
     let names: Vec<String> = archive
@@ -202,18 +238,13 @@ fn npz(bytes: &[u8]) -> Decoded {
         read(&mut content, more)?;
         npy(&content)
     };
-    // Depth by its name, then what says nothing, then what is something else.
-    let rank = |name: &&String| {
-        let name = name.to_lowercase();
-        let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
-        match () {
-            () if has(&["mask", "valid", "conf", "sky", "label", "segment", "uncertain"]) => 2,
-            () if has(&["depth", "distance", "disparity"]) => 0,
-            () => 1,
-        }
-    };
     let mut order: Vec<&String> = names.iter().collect();
-    order.sort_by_key(rank);
+    order.sort_by_key(|name| meaning(name));
+    if let Some(wanted) = wanted {
+        let is_wanted = |name: &&String| name.as_str() == wanted || name.strip_suffix(".npy") == Some(wanted);
+        let name = names.iter().find(is_wanted);
+        return read(name.ok_or_else(|| format!("has no array \"{wanted}\", but {}", some_of(&names)))?);
+    }
     let mut problem = None;
     let found = order.iter().find_map(|name| match read(name) {
         Ok(array) => Some((*name, array)).filter(|(_, array)| array.channels == 1),
@@ -228,9 +259,12 @@ fn npz(bytes: &[u8]) -> Decoded {
             _ => format!("none of its arrays is an image of one number a pixel: {}", some_of(&names)),
         });
     };
-    if names.len() > 1 {
-        let others: Vec<String> = names.iter().filter(|other| *other != name).cloned().collect();
-        array.note = Some(format!("its array {name} was taken; also there: {}", some_of(&others)));
+    // What says that it is something else is not worth a word.
+    let rivals = |other: &&String| *other != name && (meaning(other) <= meaning(name) || meaning(name) == 2);
+    let others: Vec<String> = names.iter().filter(rivals).cloned().collect();
+    if !others.is_empty() {
+        let remedy = "to choose, write depth = { file = \"…\", layer = \"…\" }";
+        array.note = Some(format!("its array {name} was taken; also there: {} ({remedy})", some_of(&others)));
     }
     Ok(array)
 }
@@ -257,7 +291,7 @@ fn pfm(bytes: &[u8]) -> Decoded {
         return Err("its numbers are no floats".into());
     };
     let samples = Samples::F32(upwards.chunks_exact(row.max(1)).rev().flatten().copied().collect());
-    Ok(Array { size: [width, height], channels, samples, note: None })
+    Ok(Array { size: [width, height], channels, samples, srgb: false, note: None })
 }
 
 /// MPI Sintel's depth: "PIEH", width and height as 32-bit numbers, and floats.
@@ -265,29 +299,66 @@ fn dpt(bytes: &[u8]) -> Decoded {
     let side = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let (Some(width), Some(height)) = (side(4), side(8)) else { return Err("its header ends early".into()) };
     let count = (width as usize).saturating_mul(height as usize);
-    Ok(Array { size: [width, height], channels: 1, samples: numbers(&bytes[12..], "<f4", count)?, note: None })
+    Ok(Array {
+        size: [width, height],
+        channels: 1,
+        samples: numbers(&bytes[12..], "<f4", count)?,
+        srgb: false,
+        note: None,
+    })
 }
 
-/// A TIFF of one deep number a pixel, which the `image` crate does not read. `None` if it is another.
+/// A TIFF that the `image` crate does not read: of one deep number a pixel, of half floats, or a BigTIFF. `None` if it is
+/// another.
 fn deep_tiff(bytes: &[u8]) -> Option<Decoded> {
     let mut decoder = Decoder::new(Cursor::new(bytes)).ok()?;
-    let (Ok(ColorType::Gray(32 | 64)), Ok((width, height))) = (decoder.colortype(), decoder.dimensions()) else {
+    let is_big = matches!(bytes, [b'I', b'I', 43, ..] | [b'M', b'M', 0, 43, ..]);
+    let (Ok(color), Ok((width, height))) = (decoder.colortype(), decoder.dimensions()) else {
         return None;
     };
-    if u64::from(width) * u64::from(height) > MAX_PIXELS
-        || budget::refusal(u64::from(width) * u64::from(height) * 24).is_some()
-    {
+    const FLOATS: u16 = 3; // of the tag SampleFormat
+    let format = decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat).ok().flatten();
+    let halves = color.bit_depth() == 16 && format.is_some_and(|format| format.first() == Some(&FLOATS));
+    let channels = match color {
+        ColorType::Gray(32 | 64) => 1,
+        ColorType::Gray(_) if is_big || halves => 1,
+        ColorType::GrayA(_) if is_big || halves => 2,
+        ColorType::RGB(_) if is_big || halves => 3,
+        ColorType::RGBA(_) if is_big || halves => 4,
+        _ if is_big => return Some(Err(format!("TIFF: its colours are {color:?}"))),
+        _ => return None,
+    };
+    let count = u64::from(width) * u64::from(height);
+    if count > MAX_PIXELS || budget::refusal(count * (20 + 4 * channels as u64)).is_some() {
         return Some(Err(format!("says it has {width}x{height} pixels")));
     }
-    let values = decoder.read_image().map_err(|error| one_line(&error)).and_then(|read| match read {
-        DecodingResult::F32(values) => Ok(values),
-        DecodingResult::F64(values) => Ok(values.into_iter().map(|value| value as f32).collect()),
-        DecodingResult::U32(values) => Ok(values.into_iter().map(|value| value as f32).collect()),
-        DecodingResult::I32(values) => Ok(values.into_iter().map(|value| value as f32).collect()),
-        _ => Err("its numbers are of a type that is not read".to_owned()),
+    fn floats<T: Copy>(values: &[T], value: impl Fn(T) -> f32) -> Samples {
+        Samples::F32(values.iter().map(|given| value(*given)).collect())
+    }
+    let samples = decoder.read_image().map_err(|error| format!("TIFF: {}", one_line(&error))).and_then(|read| {
+        Ok(match read {
+            DecodingResult::U8(values) => Samples::U8(values),
+            DecodingResult::U16(values) => Samples::U16(values),
+            DecodingResult::F16(values) => floats(&values, f16::to_f32),
+            DecodingResult::F32(values) => Samples::F32(values),
+            DecodingResult::F64(values) => floats(&values, |value| value as f32),
+            DecodingResult::U32(values) => floats(&values, |value| value as f32),
+            DecodingResult::I32(values) => floats(&values, |value| value as f32),
+            _ => return Err("TIFF: its numbers are of a type that is not read".to_owned()),
+        })
     });
-    let array = |values| Array { size: [width, height], channels: 1, samples: Samples::F32(values), note: None };
-    Some(values.map(array))
+    Some(samples.and_then(|samples| {
+        let found = match &samples {
+            Samples::U8(values) => values.len(),
+            Samples::U16(values) => values.len(),
+            Samples::F32(values) => values.len(),
+        };
+        if found != count as usize * channels {
+            return Err("TIFF: its channels are in planes of their own".to_owned());
+        }
+        let srgb = matches!(samples, Samples::U8(_) | Samples::U16(_));
+        Ok(Array { size: [width, height], channels, samples, srgb, note: None })
+    }))
 }
 
 #[cfg(test)]
@@ -346,6 +417,15 @@ mod tests {
         encoder.write_image::<tiff::encoder::colortype::Gray32Float>(3, 2, &values).expect("writes");
         assert_eq!(read(&tiff.into_inner()), right);
 
+        let mut big = Cursor::new(Vec::new());
+        let mut encoder = tiff::encoder::TiffEncoder::new_big(&mut big).expect("starts");
+        encoder.write_image::<tiff::encoder::colortype::RGB8>(1, 2, &[1, 2, 3, 4, 5, 6]).expect("writes");
+        let raster = decode(&big.into_inner(), "f").expect("known").expect("read");
+        assert_eq!(
+            (raster.channels, raster.samples, raster.color),
+            (3, Samples::U8(vec![1, 2, 3, 4, 5, 6]), ColorSpace::SRGB)
+        );
+
         let npz = npz_file(&[
             ("points.npy", npy_file("<f4", "(1, 2, 3)", &floats(&values))),
             ("depth.npy", npy_file("<f4", "(2, 3)", &floats(&values))),
@@ -368,16 +448,25 @@ mod tests {
     #[test]
     fn an_array_that_says_what_is_known_is_no_depth() {
         let array = |value: f32| npy_file("<f4", "(1, 2)", &floats(&[value; 2]));
-        for (names, others) in [
-            (["depth_mask.npy", "pred.npy"], "also there: depth_mask.npy"),
-            (["confidence.npy", "arr_1.npy"], "also there: confidence.npy"),
-            (["image.npy", "distance.npy"], "also there: image.npy"),
+        for names in [
+            ["depth_mask.npy", "pred.npy"],
+            ["confidence.npy", "arr_1.npy"],
+            ["image.npy", "distance.npy"],
+            ["K.npy", "disp.npy"],
+            ["arr_0.npy", "prediction.npy"],
         ] {
             let npz = npz_file(&[(names[0], array(1.0)), (names[1], array(2.0))]);
             let raster = decode(&npz, "f").expect("known").expect("read");
             assert_eq!(raster.samples, Samples::F32(vec![2.0; 2]), "{names:?}");
-            assert!(raster.notes[0].ends_with(others), "{:?}", raster.notes);
+            assert!(raster.notes.is_empty(), "{:?}", raster.notes);
+            let first = named(&npz, names[0].trim_end_matches(".npy"), "f").expect("an NPZ").expect("read");
+            assert_eq!(first.samples, Samples::F32(vec![1.0; 2]), "{names:?}");
+            let line = named(&npz, "none", "f").expect("an NPZ").expect_err("refused").to_string();
+            assert!(line.starts_with("f: has no array \"none\"") && line.contains(names[1]), "{line}");
         }
+        let two = npz_file(&[("depth_a.npy", array(1.0)), ("depth_b.npy", array(2.0))]);
+        let raster = decode(&two, "f").expect("known").expect("read");
+        assert!(raster.notes[0].contains("also there: depth_b.npy (to choose, write depth = {"), "{:?}", raster.notes);
     }
 
     #[test]

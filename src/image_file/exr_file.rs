@@ -65,8 +65,16 @@ pub(super) fn is_exr(bytes: &[u8]) -> bool {
 }
 
 fn damaged(error: &exr::error::Error, subject: &str) -> Error {
-    Error::input(subject, format!("cannot be decoded: {}", one_line(error)), "write it again")
+    let problem = format!("cannot be decoded: {}", one_line(error));
+    let remedy = match error {
+        exr::error::Error::NotSupported(_) => PLAIN,
+        _ => "write it again",
+    };
+    Error::input(subject, problem, remedy)
 }
+
+/// What every reader understands.
+const PLAIN: &str = "convert it to R, G and B channels with ZIP compression";
 
 /// What a file holds, before its pixels are decoded. A part of it may hold several layers.
 struct Contents {
@@ -245,6 +253,7 @@ pub(super) fn rows(mut file: BufReader<File>, wanted: Option<&str>, subject: Str
         channels.iter().enumerate().map(|(slot, channel)| (stored[*channel], slot)).chain(alpha).collect();
     let (part, placement) = (*part, contents.parts[*part]);
     let space = ColorSpace { to_rec709: contents.exr.to_rec709, ..ColorSpace::LINEAR };
+    let chroma = Chroma::of(layer, channels, &space);
     let decode = move |out: &mut Strips<'_>| {
         let [width, height] = placement.whole.map(|side| side as usize);
         // Rows of blocks that are not complete, by their first row in the file: pixels that lack, and texels.
@@ -279,7 +288,7 @@ pub(super) fn rows(mut file: BufReader<File>, wanted: Option<&str>, subject: Str
             }
             let Some((_, mut band)) = bands.remove(&first) else { return };
             for texel in &mut band {
-                *texel = color_of(*texel, &space, alpha.is_some());
+                *texel = color_of(chroma.rgb(*texel), &space, alpha.is_some());
             }
             let at = placement.at[1] + first as i64;
             let (skip, end) = ((-at).max(0) as usize, (height as i64 - at).max(0) as usize);
@@ -319,9 +328,35 @@ pub(super) fn color(exr: Exr, wanted: Option<&str>, subject: &str) -> Result<Col
     let [r, g, b] = channels.map(|channel| layer.channels[channel].1.as_slice());
     let alpha = layer.channel("A");
     let space = ColorSpace { to_rec709: exr.to_rec709, ..ColorSpace::LINEAR };
-    let texel = |i: usize| color_of([r[i], g[i], b[i], alpha.map_or(1.0, |alpha| alpha[i])], &space, alpha.is_some());
+    let chroma = Chroma::of(layer, channels, &space);
+    let texel = |i: usize| {
+        let stored = [r[i], g[i], b[i], alpha.map_or(1.0, |alpha| alpha[i])];
+        color_of(chroma.rgb(stored), &space, alpha.is_some())
+    };
     let texels = (0..r.len()).map(texel).collect();
     Ok(ColorImage { size: layer.size, texels, ldr: false, taken: Some(taken), notes: exr.notes })
+}
+
+/// How three stored channels become red, green and blue.
+#[derive(Clone, Copy)]
+struct Chroma {
+    /// The luminance of red, green and blue, if the channels are RY, Y and BY: `RY = (R − Y) / Y`, and `BY` likewise
+    /// (OpenEXR's `RgbaYca`). `None` if they are red, green and blue themselves.
+    weights: Option<Vec3>,
+}
+
+impl Chroma {
+    fn of(layer: &ExrLayer, channels: [usize; 3], space: &ColorSpace) -> Self {
+        let rec709 = Vec3::new(0.2126, 0.7152, 0.0722);
+        let weights = space.to_rec709.map_or(rec709, |matrix| matrix.transpose() * rec709);
+        Self { weights: layers::is_chroma(layer, channels).then_some(weights) }
+    }
+
+    fn rgb(self, [first, second, third, alpha]: [f32; 4]) -> [f32; 4] {
+        let Some(weights) = self.weights else { return [first, second, third, alpha] };
+        let (red, blue) = ((first + 1.0) * second, (third + 1.0) * second);
+        [red, (second - red * weights.x - blue * weights.z) / weights.y, blue, alpha]
+    }
 }
 
 /// A colour whose alpha says whether it is known.
@@ -370,4 +405,49 @@ pub(super) fn encode(layers: &[ExrLayer], subject: &str, out: &mut (impl Write +
         }
         other => internal(one_line(&other)),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::prelude::{AnyChannel, AnyChannels, Layer};
+
+    /// A file of two pixels with these channels.
+    fn file(channels: Vec<AnyChannel<FlatSamples>>) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        let channels = AnyChannels::sort(channels.into_iter().collect());
+        let layer = Layer::new((2, 1), Default::default(), Default::default(), channels);
+        ExrImage::from_layer(layer).write().to_buffered(&mut bytes).expect("written");
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn luminance_and_chroma_are_colours() {
+        let (r, g, b) = (0.5, 0.25, 2.0);
+        let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        let channel = |name: &str, value: f32| AnyChannel::new(name, FlatSamples::F32(vec![value; 2]));
+        let bytes = file(vec![channel("Y", y), channel("RY", (r - y) / y), channel("BY", (b - y) / y)]);
+        let read = color(decode(&bytes, "f").expect("read"), None, "f").expect("colour");
+        let near = |found: f32, right: f32| (found - right).abs() < 1e-4;
+        let [red, green, blue, known] = read.texels[1];
+        assert!(near(red, r) && near(green, g) && near(blue, b) && known == 1.0, "{:?}", read.texels);
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("f.exr");
+        std::fs::write(&path, &bytes).expect("written");
+        let mut strips = Vec::new();
+        let by_rows = Rows::open(&path, None).expect("opened");
+        by_rows.each(&mut |_, strip| strips.extend_from_slice(strip)).expect("read");
+        assert_eq!(strips, read.texels);
+    }
+
+    #[test]
+    fn coarser_channels_are_refused_with_a_remedy() {
+        let mut bytes = file(vec![AnyChannel::new("Y", FlatSamples::F32(vec![1.0; 2]))]);
+        // The channel's name, a zero, the type, linearity, and then the sampling along x.
+        let at = bytes.windows(2).position(|pair| pair == b"Y\0").expect("a channel") + 2 + 4 + 4;
+        assert_eq!(bytes[at..at + 4], [1, 0, 0, 0]);
+        bytes[at] = 2;
+        let line = decode(&bytes, "f").expect_err("refused").to_string();
+        assert!(line.contains("subsampling") && line.ends_with(PLAIN), "{line}");
+    }
 }

@@ -29,9 +29,22 @@ impl Taken {
 }
 
 /// Words that name the finished picture.
-const BEAUTY: [&str; 9] = ["combined", "beauty", "rgb", "rgba", "color", "colour", "composite", "image", "radiance"];
-/// Words that name something else than the finished picture.
-const PARTS: [&str; 42] = [
+const BEAUTY: [&str; 12] = [
+    "combined",
+    "beauty",
+    "final",
+    "effects",
+    "main",
+    "rgb",
+    "rgba",
+    "color",
+    "colour",
+    "composite",
+    "image",
+    "radiance",
+];
+/// Words that name something else than the finished picture or the depth.
+const PARTS: [&str; 47] = [
     "ao",
     "occlusion",
     "normal",
@@ -40,9 +53,6 @@ const PARTS: [&str; 42] = [
     "p",
     "position",
     "crypto",
-    "depth",
-    "z",
-    "distance",
     "uv",
     "st",
     "albedo",
@@ -74,6 +84,14 @@ const PARTS: [&str; 42] = [
     "mask",
     "matte",
     "variance",
+    "raw",
+    "gi",
+    "global",
+    "illumination",
+    "lighting",
+    "noisy",
+    "confidence",
+    "conf",
 ];
 const DEPTH: [&str; 5] = ["depth", "distance", "dist", "z", "range"];
 
@@ -99,16 +117,22 @@ fn leaf(name: &str) -> &str {
     name.rsplit('.').next().unwrap_or(name)
 }
 
-/// Three channels of a layer that hold red, green and blue, or one that holds grey.
+/// Three channels of a layer that hold red, green and blue, or luminance and chroma, or one that holds grey.
 fn rgb(layer: &ExrLayer) -> Option<[usize; 3]> {
     let find = |names: &[&str]| {
         layer.channels.iter().position(|(channel, _)| names.iter().any(|name| channel.eq_ignore_ascii_case(name)))
     };
     let three = [find(&["R", "red"]), find(&["G", "green"]), find(&["B", "blue"])];
-    match three {
-        [Some(r), Some(g), Some(b)] => Some([r, g, b]),
-        _ => find(&["Y"]).map(|y| [y; 3]),
+    match (three, [find(&["RY"]), find(&["Y"]), find(&["BY"])]) {
+        ([Some(r), Some(g), Some(b)], _) => Some([r, g, b]),
+        (_, [Some(ry), Some(y), Some(by)]) => Some([ry, y, by]),
+        (_, [_, y, _]) => y.map(|y| [y; 3]),
     }
+}
+
+/// Says whether the three channels of a colour are RY, Y and BY.
+pub(super) fn is_chroma(layer: &ExrLayer, channels: [usize; 3]) -> bool {
+    channels[0] != channels[1] && layer.channels[channels[0]].0.eq_ignore_ascii_case("RY")
 }
 
 fn full(layer: &ExrLayer, channel: &str) -> String {
@@ -143,7 +167,7 @@ pub(super) fn color(layers: &[ExrLayer], wanted: Option<&str>, subject: &str) ->
         let name = leaf(&layer.name);
         let meaning = match () {
             () if layer.name.is_empty() => 0,
-            () if has_word(name, &PARTS) => 6,
+            () if has_word(name, &PARTS) || has_word(name, &DEPTH) => 6,
             () if has_word(name, &BEAUTY) => 2,
             () => 4,
         };
@@ -181,18 +205,45 @@ pub(super) fn color(layers: &[ExrLayer], wanted: Option<&str>, subject: &str) ->
 pub(super) fn depth(layers: &[ExrLayer], wanted: Option<&str>, subject: &str) -> Result<(usize, usize, Taken)> {
     let count: usize = layers.iter().map(|layer| layer.channels.len()).sum();
     let rank = |layer: &ExrLayer, channel: &str| -> Option<usize> {
-        let in_depth_layer = has_word(leaf(&layer.name), &DEPTH);
-        let single = layer.channels.len() == 1;
+        let name = leaf(&layer.name);
+        let (is_part, single, main) = (has_word(name, &PARTS), layer.channels.len() == 1, layer.name.is_empty());
+        let in_depth_layer = has_word(name, &DEPTH);
+        // What is taken for a colour is depth only where there is nothing else.
+        let in_color = rgb(layer).is_some_and(|all| all[0] != all[1]);
+        let has = |wanted: &str| layer.channels.iter().any(|(channel, _)| channel.eq_ignore_ascii_case(wanted));
+        let is_vector = ["x", "y", "z"].into_iter().all(has);
         let lower = channel.to_lowercase();
         Some(match lower.as_str() {
-            "z" | "v" | "y" | "r" | "x" | "d" if in_depth_layer => 0,
-            "z" if layer.name.is_empty() || single => 0,
-            _ if has_word(channel, &DEPTH[..2]) => 1,
+            "a" => return None,
+            "z" | "v" | "y" | "r" | "x" | "d" | "t" if in_depth_layer => {
+                if is_part {
+                    6
+                } else {
+                    0
+                }
+            }
+            _ if in_depth_layer && single && !is_part => 0,
+            "z" if main || (single && !is_part) => 0,
+            _ if has_word(channel, &DEPTH[..2]) => {
+                if is_part || has_word(channel, &PARTS) {
+                    6
+                } else {
+                    1
+                }
+            }
             _ if count == 1 => 1,
-            "y" if layer.name.is_empty() => 2,
-            "z" | "y" | "v" if !has_word(leaf(&layer.name), &PARTS) => 3,
-            "r" if layer.name.is_empty() => 4,
-            "r" if !has_word(leaf(&layer.name), &PARTS) => 5,
+            "d" | "pz" if main => 2,
+            "y" if main && !in_color => 2,
+            // X, Y and Z are a position or a normal.
+            "x" | "y" if is_vector => return None,
+            "z" if is_vector && !is_part => 8,
+            "z" | "y" | "v" if !is_part && !in_color => 3,
+            "z" if !is_part => 3,
+            "r" if in_color && (main || !is_part) => 9,
+            "r" if main => 4,
+            "r" if !is_part => 5,
+            "g" | "b" | "y" | "ry" | "by" | "red" | "green" | "blue" => return None,
+            _ if (main || single) && !is_part && !has_word(channel, &PARTS) => 7,
             _ => return None,
         })
     };
@@ -202,13 +253,17 @@ pub(super) fn depth(layers: &[ExrLayer], wanted: Option<&str>, subject: &str) ->
             let rank = match wanted {
                 None => rank(layer, channel),
                 Some(wanted) if is_called(&full(layer, channel), wanted) => Some(0),
-                Some(wanted) if is_called(&layer.name, wanted) => Some(rank(layer, channel).map_or(9, |rank| rank + 1)),
+                Some(wanted) if is_called(&layer.name, wanted) => {
+                    Some(rank(layer, channel).map_or(10, |rank| rank + 1))
+                }
                 Some(_) => None,
             };
             found.extend(rank.map(|rank| (rank, index, place)));
         }
     }
-    found.sort_unstable();
+    // Of channels of a layer that could be meant alike, Z.
+    let is_other = |layer: usize, place: usize| !layers[layer].channels[place].0.eq_ignore_ascii_case("z");
+    found.sort_by_key(|&(rank, layer, place)| (rank, layer, is_other(layer, place), place));
     let Some(&(best, index, place)) = found.first() else {
         return Err(match wanted {
             Some(wanted) => no_such(layers, wanted, subject),
@@ -220,8 +275,9 @@ pub(super) fn depth(layers: &[ExrLayer], wanted: Option<&str>, subject: &str) ->
     };
     let others: Vec<String> =
         found[1..].iter().map(|(_, index, place)| full(&layers[*index], &layers[*index].channels[*place].0)).collect();
-    let same_rank = found.get(1).is_some_and(|(rank, ..)| *rank == best);
-    let unsure = wanted.is_none() && (best >= 4 || (same_rank && best > 0)) && count > 1;
+    // Channels of one depth layer hold the same.
+    let rival = |&(rank, layer, _): &(usize, usize, usize)| rank == best && (best > 0 || layer != index);
+    let unsure = wanted.is_none() && (best >= 4 || found.get(1).is_some_and(rival)) && count > 1;
     let channels = full(&layers[index], &layers[index].channels[place].0);
     Ok((index, place, Taken { channels, others, unsure }))
 }
@@ -281,6 +337,15 @@ mod tests {
                 "left.R, G, B",
             ),
             (&["Y"], "Y"),
+            (&["RY", "Y", "BY"], "RY, Y, BY"),
+            (
+                &["aaa_raw.R", "aaa_raw.G", "aaa_raw.B", "final_render.R", "final_render.G", "final_render.B"],
+                "final_render.R, G, B",
+            ),
+            (
+                &["GI.R", "GI.G", "GI.B", "effectsResult.R", "effectsResult.G", "effectsResult.B"],
+                "effectsResult.R, G, B",
+            ),
         ] {
             let found = color(&layers(names), None, "f").map(|(.., taken)| taken.channels);
             assert_eq!(found.expect("found"), right, "{names:?}");
@@ -306,9 +371,24 @@ mod tests {
             (&["T"], "T"),
             (&["Y"], "Y"),
             (&["P.X", "P.Y", "P.Z", "main.Z"], "main.Z"),
+            (&["ViewLayer.Denoising Depth.V", "ViewLayer.Depth.V"], "ViewLayer.Depth.V"),
+            (
+                &["Z_normal.x", "Z_normal.y", "Z_normal.z", "combined.r", "combined.g", "combined.b", "depth.z"],
+                "depth.z",
+            ),
+            (&["R", "G", "B", "depth.T"], "depth.T"),
+            (&["R", "G", "B", "D"], "D"),
+            (&["C.r", "C.g", "C.b", "Pz", "N.x", "N.y", "N.z"], "Pz"),
+            (&["R", "G", "B", "dd"], "dd"),
+            (&["R", "G", "B"], "R"),
+            (&["depth_confidence", "depth"], "depth"),
         ] {
             let found = depth(&layers(names), None, "f").map(|(.., taken)| taken.channels);
             assert_eq!(found.expect("found"), right, "{names:?}");
+        }
+        for names in [&["R", "G", "B", "dd"][..], &["a.Depth.V", "b.Depth.V"], &["left.Z", "right.Z"]] {
+            let (.., taken) = depth(&layers(names), None, "f").expect("found");
+            assert!(taken.unsure, "{names:?}");
         }
         let normals = layers(&["N.X", "N.Y", "N.Z"]);
         assert!(depth(&normals, None, "f").is_err());

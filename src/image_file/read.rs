@@ -123,7 +123,13 @@ pub fn codes(path: &Path, layer: Option<&str>) -> Result<CodeImage> {
     let subject = path.display().to_string();
     match exr_file::codes_of_file(path, layer, &subject)? {
         Some(codes) => Ok(codes),
-        None => read(path)?.codes_of(layer, &subject),
+        None => {
+            let bytes = read_bytes(path)?;
+            match layer.and_then(|layer| arrays::named(&bytes, layer, &subject)) {
+                Some(array) => array?.into_codes(&subject),
+                None => decode(&bytes, &subject)?.codes_of(layer, &subject),
+            }
+        }
     }
 }
 
@@ -372,7 +378,7 @@ impl FileImage {
 }
 
 pub(super) fn no_layers(subject: &str) -> Error {
-    Error::input(subject, "has no layers, as an EXR has", "leave layer out")
+    Error::input(subject, "has no layers, as an EXR or NPZ has", "leave layer out")
 }
 
 impl Raster {

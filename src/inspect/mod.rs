@@ -19,7 +19,7 @@ use crate::{
     terminal::plain,
 };
 use glam::Vec3;
-use object::ObjectFacts;
+use object::{ObjectFacts, Room};
 use serde::Serialize;
 use std::{fmt::Write as _, path::Path};
 
@@ -97,14 +97,15 @@ impl Report {
             warnings.extend(room::edge_warning(room::edges(frame, cloud), &subject));
         }
         if let Some(spec) = spec.filter(|_| measured && sound) {
-            warnings.extend(room::tilt_warning(floor, spec, &subject));
+            warnings.extend(room::tilt_warning([floor, ceiling], spec, &subject));
         }
         let objects: Vec<(usize, ObjectFacts)> = (0..scene.object_count())
             .filter_map(|index| Some((index, ObjectFacts::of(scene, index, cloud, floor, panorama.position)?)))
             .collect();
         if sound {
-            let diagonal = extent(cloud);
-            warnings.extend(objects.iter().flat_map(|(index, facts)| facts.warnings(scene, *index, diagonal)));
+            let has_surfaces = !matches!(spec.map(|spec| &spec.depth), Some(DepthSource::Sphere(_)));
+            let room = Room::of(cloud, [floor, ceiling], panorama.position, has_surfaces);
+            warnings.extend(objects.iter().flat_map(|(index, facts)| facts.warnings(scene, *index, &room)));
         }
         let percentiles = [0.01, 0.5, 0.99].map(|share| cloud.percentile(share));
         Self {
@@ -218,12 +219,4 @@ fn color_facts(frame: &PanoramaFrame) -> ColorFacts {
         clipped: at_largest as f32 / frame.radiance.len() as f32,
         lamps: None,
     }
-}
-
-/// The diagonal of the box around what is seen, without the farthest 2 %, metres.
-fn extent(cloud: &Cloud) -> Option<f32> {
-    let far = cloud.percentile(0.98)?;
-    let points = (0..cloud.depth.len()).filter(|i| cloud.depth[*i] <= far).filter_map(|i| cloud.point(i));
-    let bounds = crate::scene::bounds::Bounds::of(points);
-    (!bounds.is_empty()).then(|| (bounds.max - bounds.min).length())
 }

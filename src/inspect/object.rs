@@ -48,8 +48,8 @@ impl ObjectFacts {
         })
     }
 
-    /// Warns of what looks wrong, with the line to write. `room` is the room's diagonal, metres.
-    pub fn warnings(&self, scene: &Scene, index: usize, room: Option<f32>) -> Vec<String> {
+    /// Warns of what looks wrong, with the line to write.
+    pub fn warnings(&self, scene: &Scene, index: usize, room: &Room) -> Vec<String> {
         let mut warnings = Vec::new();
         let bounds = scene.object_bounds(index, 0.0);
         let largest = Vec3::from(self.size).max_element();
@@ -57,22 +57,24 @@ impl ObjectFacts {
             return vec![warning];
         }
         let mut warn = |text: String| warnings.push(format!("object {}: {text}", self.name));
-        if let Some(room) = room.filter(|room| largest > *room) {
+        if let Some(axis) = room.exceeded(bounds) {
             let remedy = unit_factor(largest).map_or(String::new(), |factor| format!("; write scale = {factor}"));
-            warn(format!("is {} large, larger than the room with its {}{remedy}", metres(largest), metres(room)));
+            let ([own, room], along) = ([self.size[axis], room.size(axis)].map(metres), ["x", "y", "z"][axis]);
+            warn(format!("is {own} large along {along}, larger than the room with its {room}{remedy}"));
             return warnings;
         }
         if largest < 0.002 {
             warn(format!("is only {} large; check its scale", metres(largest)));
         }
-        if let Some(beyond) = self.beyond.filter(|beyond| *beyond > 0.05 * largest + 0.05) {
-            warn(format!(
-                "is outside: {} behind the real surface that hides it; check its translation",
-                metres(beyond)
-            ));
+        let margin = 0.05 * largest + 0.05;
+        if let Some((by, side)) = room.left(bounds).filter(|(by, _)| *by > margin) {
+            warn(format!("is outside: {} {side}; check its translation", metres(by)));
             return warnings;
         }
-        let Some(gap) = self.gap.filter(|_| !self.moves) else { return warnings };
+        // What stands behind furniture stands on something that was not seen.
+        let is_hidden = self.beyond.is_some_and(|beyond| beyond > margin);
+        let gap = self.gap.filter(|_| !self.moves && !is_hidden && !room.carries(bounds));
+        let Some(gap) = gap else { return warnings };
         let translation = scene.objects().nth(index).map(|object| object.placement.at(0.0).translation);
         let line = translation.map_or(String::new(), |at| {
             format!("; to stand on it, write translation = [{:.3}, {:.3}, {:.3}]", at.x, at.y - gap, at.z)
@@ -84,6 +86,71 @@ impl ObjectFacts {
             warn(format!("is sunk by {} into the surface below it{line}", metres(-gap)));
         }
         warnings
+    }
+}
+
+/// What was measured of the room.
+pub struct Room {
+    /// The box around what is seen in the world, metres. It has no end below or above where no floor or ceiling was
+    /// found.
+    bounds: Bounds,
+    /// The floor, and the capture point that it is relative to.
+    floor: Option<Level>,
+    position: Vec3,
+    /// Whether anything can stand on what is seen: a sphere is no room.
+    has_surfaces: bool,
+}
+
+/// The share of what is seen that may be seen through doors and windows, or be noise, at each end of each axis.
+const STRAY: f32 = 0.002;
+
+impl Room {
+    /// Measures the room around `position`. `levels` are its floor and ceiling.
+    pub fn of(cloud: &Cloud, levels: [Option<Level>; 2], position: Vec3, has_surfaces: bool) -> Self {
+        let points: Vec<Vec3> = (0..cloud.depth.len()).filter_map(|i| cloud.point(i)).collect();
+        let ends = |axis: usize| {
+            let mut along: Vec<f32> = points.iter().map(|point| point[axis] + position[axis]).collect();
+            along.sort_by(f32::total_cmp);
+            let stray = (along.len() as f32 * STRAY) as usize;
+            match along.as_slice() {
+                [] => [f32::NEG_INFINITY, f32::INFINITY],
+                along => [along[stray], along[along.len() - 1 - stray]],
+            }
+        };
+        let ([x, mut y, z], [floor, ceiling]) = ([0, 1, 2].map(ends), levels);
+        y = [floor.map_or(f32::NEG_INFINITY, |_| y[0]), ceiling.map_or(f32::INFINITY, |_| y[1])];
+        let bounds = Bounds { min: Vec3::new(x[0], y[0], z[0]), max: Vec3::new(x[1], y[1], z[1]) };
+        Self { bounds, floor, position, has_surfaces }
+    }
+
+    fn size(&self, axis: usize) -> f32 {
+        self.bounds.max[axis] - self.bounds.min[axis]
+    }
+
+    /// The axis along which an object is larger than the room.
+    fn exceeded(&self, object: Bounds) -> Option<usize> {
+        (0..3).find(|axis| object.max[*axis] - object.min[*axis] > 1.05 * self.size(*axis) + 0.05)
+    }
+
+    /// By how much an object lies beyond a wall, the floor or the ceiling, metres, and beyond which; `None` if it
+    /// reaches into the room.
+    fn left(&self, object: Bounds) -> Option<(f32, &'static str)> {
+        let walls = ["beyond the room's wall"; 2];
+        let sides = [walls, ["below the floor", "above the ceiling"], walls];
+        let by = |axis: usize| {
+            let below = self.bounds.min[axis] - object.max[axis];
+            let above = object.min[axis] - self.bounds.max[axis];
+            [(below, sides[axis][0]), (above, sides[axis][1])]
+        };
+        let farthest = (0..3).flat_map(by).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (farthest.0 > 0.0).then_some(farthest)
+    }
+
+    /// Says whether an object stands on the floor that was found, as `place` puts it, or whether there is nothing
+    /// to stand on.
+    fn carries(&self, object: Bounds) -> bool {
+        let floor = floor_below(self.floor, object.center(), self.position);
+        !self.has_surfaces || floor.is_some_and(|height| (object.min.y - height).abs() < 0.002)
     }
 }
 

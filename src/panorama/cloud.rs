@@ -28,15 +28,20 @@ pub struct Cloud {
 impl Cloud {
     /// Samples a frame whose panorama is turned by `yaw_degrees`.
     pub fn of(frame: &PanoramaFrame, yaw_degrees: f32) -> Self {
-        let columns = frame.depth_size[0].clamp(1, COLUMNS);
-        let size = [columns, (columns / 2).clamp(1, frame.depth_size[1])];
+        Self::of_depth(&frame.depth, frame.depth_size, yaw_degrees)
+    }
+
+    /// Samples radial metres, of which 0 is a hole.
+    pub fn of_depth(radial: &[f32], radial_size: [u32; 2], yaw_degrees: f32) -> Self {
+        let columns = radial_size[0].clamp(1, COLUMNS);
+        let size = [columns, (columns / 2).clamp(1, radial_size[1])];
         let cells = || (0..size[1]).flat_map(|row| (0..size[0]).map(move |column| (column, row)));
         let solid = std::f32::consts::TAU * std::f32::consts::PI / (size[0] * size[1]) as f32;
         let place = |cell: u32, axis: usize| {
-            (u64::from(2 * cell + 1) * u64::from(frame.depth_size[axis]) / u64::from(2 * size[axis])) as usize
+            (u64::from(2 * cell + 1) * u64::from(radial_size[axis]) / u64::from(2 * size[axis])) as usize
         };
         let depth: Vec<f32> =
-            cells().map(|(x, y)| frame.depth[place(y, 1) * frame.depth_size[0] as usize + place(x, 0)]).collect();
+            cells().map(|(x, y)| radial[place(y, 1) * radial_size[0] as usize + place(x, 0)]).collect();
         let polar = |row: u32| (std::f32::consts::PI * (row as f32 + 0.5) / size[1] as f32).sin();
         let mut cloud = Self {
             size: size.map(|side| side as usize),

@@ -1,6 +1,11 @@
 //! Turns stored depth codes into radial metres.
 
-use super::mapping::texel_direction;
+use super::{
+    cloud::Cloud,
+    guess,
+    mapping::texel_direction,
+    room::{Reading, reading},
+};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -161,22 +166,27 @@ pub fn unit(nearest: f32, floor: Option<f32>) -> Option<(f64, &'static str)> {
     }
 }
 
-/// Warns of depth whose nearest surfaces are so far that it cannot be in metres.
+/// Warns of depth whose nearest surfaces are so far that it cannot be in metres, and of near and far that are swapped.
 pub fn unit_warning(depth: &[f32], size: [u32; 2], rule: &Rule) -> Option<String> {
-    if seems_swapped(depth, size) {
-        return Some(swapped_words(rule.encoding));
-    }
     // Some hundred thousand texels tell a percentile.
     let known = depth.iter().step_by(depth.len() / 100_000 + 1).copied().filter(|depth| *depth > 0.0);
     let mut known: Vec<f32> = known.collect();
     known.sort_by(f32::total_cmp);
     let (nearest, farthest) = (*known.get(known.len() / 100)?, *known.last()?);
-    let (factor, unit) = unit(nearest, None).filter(|_| rule.encoding != DepthEncoding::Disparity)?;
+    let other_unit = unit(nearest, None).filter(|_| rule.encoding != DepthEncoding::Disparity);
+    // The shape of the room is looked at only where something is odd: that takes a while.
+    if other_unit.is_some() || is_deep_below(depth, size) {
+        let swapped = swap_warning(&Cloud::of_depth(depth, size, 0.0), rule);
+        if swapped.is_some() {
+            return swapped;
+        }
+    }
+    let (factor, unit) = other_unit?;
     Some(unit_words(nearest, farthest, unit, rule.scale * factor))
 }
 
-/// Says whether what is straight down lies much farther than what lies ahead.
-fn seems_swapped(depth: &[f32], [width, height]: [u32; 2]) -> bool {
+/// Says whether what is straight down lies much farther than what lies ahead. So it does in a corridor, too.
+fn is_deep_below(depth: &[f32], [width, height]: [u32; 2]) -> bool {
     let median = |from: f64, to: f64| {
         let row = |share: f64| (share * f64::from(height)) as usize * width as usize;
         let rows = &depth[row(from)..row(to)];
@@ -188,11 +198,26 @@ fn seems_swapped(depth: &[f32], [width, height]: [u32; 2]) -> bool {
     matches!((median(0.795, 1.0), median(0.436, 0.564)), (Some(down), Some(ahead)) if down > 1.3 * ahead)
 }
 
-/// Says that depth is disparity, or the other way round.
-pub fn swapped_words(encoding: DepthEncoding) -> String {
-    let now = if encoding == DepthEncoding::Disparity { "radial" } else { "disparity" };
-    let what = "what lies straight down is farther than what lies ahead: near and far seem to be swapped";
-    format!("{what}; write encoding = \"{now}\", with its scale")
+/// Warns of depth whose near and far are swapped, with the lines to write.
+pub fn swap_warning(cloud: &Cloud, rule: &Rule) -> Option<String> {
+    let reading = reading(cloud);
+    if reading == Reading::Sound {
+        return None;
+    }
+    let meant = guess::reread(cloud, rule, 1.6);
+    let what = match (reading, meant.encoding) {
+        (_, DepthEncoding::Radial) if meant.scale < 0.0 => "it seems to be a distance that was turned round",
+        (_, DepthEncoding::Disparity) => "it seems to be a disparity",
+        _ => "it seems to be a distance",
+    };
+    let offset = if meant.offset == 0.0 { String::new() } else { format!(" and offset = {}", meant.offset) };
+    let scale =
+        if offset.is_empty() { format!(" and scale = {}", meant.scale) } else { format!(", scale = {}", meant.scale) };
+    let now = meant.encoding.word();
+    Some(format!(
+        "near and far seem to be swapped, as floor and walls are bent: {what}; write encoding = \"{now}\"{scale}{offset} \
+         if the camera stands 1.6 m over the floor"
+    ))
 }
 
 /// Says that depth is in another unit.
@@ -273,17 +298,62 @@ mod tests {
         assert_eq!(of(&vec![0.0; room.len()], Quantisation::None), 0.0);
     }
 
+    /// Depth of a room that the camera sees from 1.6 m over its floor.
+    fn room(extent: Vec3, off: Vec3) -> Vec<f32> {
+        box_depth([128, 64], extent, off.with_y(0.5 * extent.y - 1.6), 0.0)
+    }
+
     #[test]
     fn swapped_depth_is_told_before_its_unit() {
-        let size = [64, 32];
-        let room = box_depth(size, Vec3::new(8.0, 2.6, 8.0), Vec3::ZERO, 0.0);
-        let radial = rule(DepthEncoding::Radial, 1.0, 0.0);
+        let (size, radial) = ([128, 64], rule(DepthEncoding::Radial, 1.0, 0.0));
+        let room = room(Vec3::new(8.0, 2.6, 8.0), Vec3::ZERO);
         let codes: Vec<f32> = room.iter().map(|metres| 40_000.0 / metres).collect();
         let warning = unit_warning(&codes, size, &radial).expect("a warning");
         assert!(warning.contains("swapped") && warning.contains("\"disparity\""), "{warning}");
+        let scale: f64 = warning
+            .split("scale = ")
+            .nth(1)
+            .and_then(|rest| rest.split([' ', ',']).next())
+            .expect("a scale")
+            .parse()
+            .expect("a number");
+        assert!((scale / 40_000.0 - 1.0).abs() < 0.05, "{warning}");
         let millimetres: Vec<f32> = room.iter().map(|metres| 1000.0 * metres).collect();
         assert!(unit_warning(&millimetres, size, &radial).is_some_and(|warning| warning.contains("scale = 0.001")));
         assert_eq!(unit_warning(&room, size, &radial), None);
+    }
+
+    #[test]
+    fn corridors_and_near_walls_are_not_swapped() {
+        let (size, radial) = ([128, 64], rule(DepthEncoding::Radial, 1.0, 0.0));
+        for (extent, off) in [
+            (Vec3::new(1.8, 2.6, 12.0), Vec3::ZERO),
+            (Vec3::new(1.2, 2.6, 20.0), Vec3::new(0.2, 0.0, 3.0)),
+            (Vec3::new(5.0, 2.6, 5.0), Vec3::new(2.1, 0.0, 0.0)),
+        ] {
+            let room = room(extent, off);
+            assert_eq!(unit_warning(&room, size, &radial), None, "{extent}");
+            let of = |code: &dyn Fn(f32) -> f32| room.iter().map(|metres| code(*metres)).collect::<Vec<_>>();
+            let millimetres = unit_warning(&of(&|metres| 1000.0 * metres), size, &radial).expect("a warning");
+            assert!(millimetres.contains("scale = 0.001") && !millimetres.contains("swapped"), "{millimetres}");
+            // 8-bit disparity is not in centimetres.
+            let nearest = room.iter().copied().fold(f32::MAX, f32::min);
+            let disparity = of(&|metres| (255.0 * nearest / metres).round().max(1.0));
+            if let Some(warning) = unit_warning(&disparity, size, &radial) {
+                assert!(warning.contains("\"disparity\""), "{extent}: {warning}");
+            }
+            assert!(swap_warning(&Cloud::of_depth(&disparity, size, 0.0), &radial).is_some(), "{extent}");
+        }
+    }
+
+    #[test]
+    fn distances_that_were_turned_round_get_a_negative_scale() {
+        let (size, radial) = ([128, 64], rule(DepthEncoding::Radial, 1.0, 0.0));
+        let room = room(Vec3::new(4.0, 2.6, 4.4), Vec3::ZERO);
+        let farthest = room.iter().copied().fold(0.0, f32::max);
+        let turned: Vec<f32> = room.iter().map(|metres| 1.4 * farthest - metres).collect();
+        let warning = swap_warning(&Cloud::of_depth(&turned, size, 0.0), &radial).expect("a warning");
+        assert!(warning.contains("encoding = \"radial\", scale = -") && warning.contains("offset = -"), "{warning}");
     }
 
     #[test]

@@ -4,8 +4,7 @@ use super::{
     cloud::Cloud,
     depth::{DepthEncoding, Rule, unit},
     preset::Preset,
-    room::{BENT, bending, is_inverted, level},
-    source::PanoramaFrame,
+    room::{BENT, Reading, bending, level, reading},
 };
 use crate::image_file::CodeImage;
 
@@ -17,9 +16,7 @@ pub struct Guess {
 }
 
 fn cloud(codes: &CodeImage, rule: &Rule) -> Cloud {
-    let depth = rule.metres(codes.codes.clone(), codes.size);
-    let frame = PanoramaFrame { depth_size: codes.size, depth, ..PanoramaFrame::default() };
-    Cloud::of(&frame, 0.0)
+    Cloud::of_depth(&rule.metres(codes.codes.clone(), codes.size), codes.size, 0.0)
 }
 
 /// Guesses the rule of an image of depth. `height` is that of the camera over the floor in metres, which gives
@@ -27,7 +24,7 @@ fn cloud(codes: &CodeImage, rule: &Rule) -> Cloud {
 pub fn rule(codes: &CodeImage, height: f64) -> Guess {
     let radial = Rule::default();
     let seen = cloud(codes, &radial);
-    if is_inverted(&seen) {
+    if reading(&seen) == Reading::Swapped {
         return disparity(codes, radial, height);
     }
     if is_stretched(codes) {
@@ -57,6 +54,22 @@ pub fn rule(codes: &CodeImage, height: f64) -> Guess {
     let flat = bending(&seen, |i| axis(i) / seen.depth[i].max(1e-6));
     let encoding = if bent > BENT && flat < 0.4 * bent { DepthEncoding::Planar } else { DepthEncoding::Radial };
     Guess { rule: Rule { encoding, scale, ..radial }, because }
+}
+
+/// Guesses the rule anew of depth that was read by another one. It is for the same codes.
+pub(super) fn reread(cloud: &Cloud, read: &Rule, height: f64) -> Rule {
+    let axis = |i: usize| f64::from(cloud.directions[i].abs().max_element());
+    // The codes with the offset, by which all that follows is found.
+    let stored = |i: usize| match (f64::from(cloud.depth[i]), read.encoding) {
+        (metres, _) if metres <= 0.0 => 0.0,
+        (metres, DepthEncoding::Radial) => metres / read.scale,
+        (metres, DepthEncoding::Planar) => metres * axis(i) / read.scale,
+        (metres, DepthEncoding::Disparity) => read.scale / metres,
+    };
+    let codes = (0..cloud.depth.len()).map(|i| stored(i) as f32).collect();
+    let size = cloud.size.map(|side| side as u32);
+    let meant = rule(&CodeImage { size, codes, integer: false, taken: None, notes: Vec::new() }, height).rule;
+    Rule { offset: rounded(meant.offset + read.offset), invalid: read.invalid.clone(), ..meant }
 }
 
 /// Returns what a preset says, with a guess at the scale of relative depth.

@@ -2,7 +2,7 @@
 
 use super::{
     cloud::{Cloud, plane},
-    depth::{DepthEncoding, Rule, length_words as metres, swapped_words, unit, unit_words},
+    depth::{DepthEncoding, Rule, length_words as metres, swap_warning, unit, unit_words},
     level::{rotation, upright},
     mapping::{bilinear, texel_direction},
     source::{PanoramaFrame, PanoramaSpec},
@@ -126,6 +126,10 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
         return Vec::new();
     };
     let farthest = cloud.percentile(0.99).unwrap_or(median);
+    // Of depth that is read the wrong way round nothing else can be said.
+    if let Some(swapped) = swap_warning(cloud, rule) {
+        return vec![format!("{subject}: {swapped}")];
+    }
     let mut warnings = Vec::new();
     let mut warn = |text: String| warnings.push(format!("{subject}: {text}"));
     let range = format!("its depth is from {} to {}", metres(nearest), metres(farthest));
@@ -145,28 +149,24 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
             "{range}: relative depth has no metres; write scale = {scale:.3} if the camera stands 1.6 m over the floor"
         ));
     }
-    if is_inverted(cloud) {
-        warn(swapped_words(rule.encoding));
-    } else {
-        let axis = |i: usize| cloud.directions[i].abs().max_element();
-        let radial = bending(cloud, |i| 1.0 / cloud.depth[i].max(1e-6));
-        match rule.encoding {
-            DepthEncoding::Radial => {
-                let planar = bending(cloud, |i| axis(i) / cloud.depth[i].max(1e-6));
-                if radial > BENT && planar < 0.4 * radial {
-                    let what = "its walls are bent, and are flat if it holds distances along the axes of cube faces";
-                    warn(format!("{what}; write encoding = \"planar\""));
-                }
+    let axis = |i: usize| cloud.directions[i].abs().max_element();
+    let radial = bending(cloud, |i| 1.0 / cloud.depth[i].max(1e-6));
+    match rule.encoding {
+        DepthEncoding::Radial => {
+            let planar = bending(cloud, |i| axis(i) / cloud.depth[i].max(1e-6));
+            if radial > BENT && planar < 0.4 * radial {
+                let what = "its walls are bent, and are flat if it holds distances along the axes of cube faces";
+                warn(format!("{what}; write encoding = \"planar\""));
             }
-            DepthEncoding::Planar => {
-                let unbent = bending(cloud, |i| 1.0 / (cloud.depth[i] * axis(i)).max(1e-6));
-                if radial > BENT && unbent < 0.4 * radial {
-                    let what = "its walls are bent, and are flat if it holds radial distances";
-                    warn(format!("{what}; write encoding = \"radial\""));
-                }
-            }
-            DepthEncoding::Disparity => {}
         }
+        DepthEncoding::Planar => {
+            let unbent = bending(cloud, |i| 1.0 / (cloud.depth[i] * axis(i)).max(1e-6));
+            if radial > BENT && unbent < 0.4 * radial {
+                let what = "its walls are bent, and are flat if it holds radial distances";
+                warn(format!("{what}; write encoding = \"radial\""));
+            }
+        }
+        DepthEncoding::Disparity => {}
     }
     warnings
 }
@@ -174,30 +174,34 @@ pub fn depth_warnings(cloud: &Cloud, rule: Option<&Rule>, floor: Option<Level>, 
 /// A floor that is steeper than this is not level, degrees.
 const TILTED: f32 = 2.0;
 
-/// Warns of a floor that is not level.
-///
-/// `spec` says how the panorama is turned now.
-pub fn tilt_warning(floor: Option<Level>, spec: &PanoramaSpec, subject: &str) -> Option<String> {
-    let floor = floor.filter(|floor| floor.tilt > TILTED)?;
-    let now = Quat::from_rotation_y(spec.yaw_degrees.to_radians()) * rotation(spec.pitch_degrees, spec.roll_degrees);
-    let [pitch, roll] = tenths(upright(now.inverse() * Vec3::from(floor.normal)));
-    let what = format!("its floor is tilted by {:.1}°", floor.tilt);
-    Some(format!("{subject}: {what}; to level it, write pitch = {pitch:.1} and roll = {roll:.1} in [panorama]"))
-}
-
-/// Returns pitch and roll that level a panorama as it is, if its camera was tilted: the ceiling must be as the floor
-/// is, because depth that is wrong tilts each in its own way. Where there is none the floor must be steeper.
-pub fn levelling(cloud: &Cloud) -> Option<[f32; 2]> {
-    let floor = level(cloud, true)?;
+/// Returns the floor's normal if the camera was tilted: the ceiling must be as the floor is, because depth that is wrong
+/// tilts each in its own way. Where there is none the floor must be steeper.
+fn tilted(floor: Option<Level>, ceiling: Option<Level>) -> Option<Vec3> {
+    let floor = floor?;
     let normal = Vec3::from(floor.normal);
-    let tilted = match level(cloud, false) {
+    let tilted = match ceiling {
         Some(ceiling) => {
             let apart = (-normal.dot(Vec3::from(ceiling.normal))).clamp(-1.0, 1.0).acos().to_degrees();
             floor.tilt > TILTED && apart < (floor.tilt / 3.0).max(1.0)
         }
         None => floor.tilt > 2.5 * TILTED,
     };
-    tilted.then(|| tenths(upright(normal)))
+    tilted.then_some(normal)
+}
+
+/// Warns of a camera that was tilted. `levels` are the floor and the ceiling, and `spec` says how the panorama is turned now.
+pub fn tilt_warning(levels: [Option<Level>; 2], spec: &PanoramaSpec, subject: &str) -> Option<String> {
+    let [floor, ceiling] = levels;
+    let normal = tilted(floor, ceiling)?;
+    let now = Quat::from_rotation_y(spec.yaw_degrees.to_radians()) * rotation(spec.pitch_degrees, spec.roll_degrees);
+    let [pitch, roll] = tenths(upright(now.inverse() * normal));
+    let what = format!("its floor is tilted by {:.1}°", floor?.tilt);
+    Some(format!("{subject}: {what}; to level it, write pitch = {pitch:.1} and roll = {roll:.1} in [panorama]"))
+}
+
+/// Returns pitch and roll that level a panorama as it is, if its camera was tilted.
+pub fn levelling(cloud: &Cloud) -> Option<[f32; 2]> {
+    tilted(level(cloud, true), level(cloud, false)).map(|normal| tenths(upright(normal)))
 }
 
 /// Rounds angles to tenths of a degree. Adding 0 makes of −0 a plain one.
@@ -205,8 +209,46 @@ fn tenths(degrees: [f32; 2]) -> [f32; 2] {
     degrees.map(|x| (10.0 * x).round() / 10.0 + 0.0)
 }
 
+/// Which way round depth is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reading {
+    /// Near is near.
+    Sound,
+    /// Surfaces are flat if it is read the other way round.
+    Swapped,
+}
+
+/// Says whether near and far are swapped: whichever of the two readings makes the large surfaces flatter is right.
+/// What is straight down lies farther than what lies ahead in most rooms that are swapped, but in corridors, too.
+pub(super) fn reading(cloud: &Cloud) -> Reading {
+    let axis = |i: usize| cloud.directions[i].abs().max_element();
+    let inverse = |i: usize| 1.0 / cloud.depth[i].max(1e-6);
+    let given = bending(cloud, inverse).min(bending(cloud, |i| axis(i) * inverse(i)));
+    if given.is_nan() {
+        let swapped = is_deep_below(cloud) && level(cloud, true).is_none();
+        return if swapped { Reading::Swapped } else { Reading::Sound };
+    }
+    if given <= BENT {
+        return Reading::Sound;
+    }
+    let disparity = bending(cloud, |i| cloud.depth[i]);
+    let part = if is_deep_below(cloud) { 0.85 } else { 0.4 };
+    if disparity < part * given || turned_round(cloud) < BENT.min(0.4 * given) {
+        return Reading::Swapped;
+    }
+    Reading::Sound
+}
+
+/// How bent surfaces are if depth is a distance that was turned round, with the offset that makes them flattest.
+fn turned_round(cloud: &Cloud) -> f32 {
+    let (Some(near), Some(far)) = (cloud.percentile(0.0), cloud.percentile(1.0)) else { return f32::NAN };
+    let offsets = [0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0].map(|part| far + part * (far - near));
+    let bent = offsets.map(|offset| bending(cloud, |i| 1.0 / (offset - cloud.depth[i]).max(1e-6)));
+    bent.into_iter().fold(f32::NAN, f32::min)
+}
+
 /// Says whether what is straight down lies much farther than what lies ahead.
-pub(super) fn is_inverted(cloud: &Cloud) -> bool {
+fn is_deep_below(cloud: &Cloud) -> bool {
     let median = |range: [f32; 2]| {
         let mut depths: Vec<f32> = (0..cloud.depth.len())
             .filter(|i| cloud.depth[*i] > 0.0 && (range[0]..range[1]).contains(&cloud.directions[*i].y))
@@ -230,7 +272,14 @@ pub struct Fit {
     /// Where the best other place is: degrees to the right, and whether left and right are swapped.
     pub degrees: f32,
     pub mirrored: bool,
+    /// The same as `here` of the places alone where one surface ends before another; `None` if they are few, or if the
+    /// colour has hardly any edges.
+    pub steps: Option<f32>,
 }
+
+/// The share of the grid that tells how edges fit.
+const LEAST_EDGES: usize = 400;
+const LEAST_STEPS: usize = 250;
 
 /// Compares the edges of depth with those of colour, turned by any angle and mirrored. `None` if the depth
 /// has too few.
@@ -245,60 +294,102 @@ pub fn edges(frame: &PanoramaFrame, cloud: &Cloud) -> Option<Fit> {
             (color.dot(Vec3::new(0.2126, 0.7152, 0.0722)) + 0.01).ln()
         })
         .collect();
-    let inverse: Vec<f32> = cloud.depth.iter().map(|d| if *d > 0.0 { d.ln() } else { f32::NAN }).collect();
-    let gradient = |values: &[f32], i: usize| {
+    let logarithm: Vec<f32> = cloud.depth.iter().map(|d| if *d > 0.0 { d.ln() } else { f32::NAN }).collect();
+    // The values to the right and left of a cell, below and above.
+    let around = |values: &[f32], i: usize| {
         let (column, row) = (i % width, i / width);
-        let across = values[row * width + (column + 1) % width] - values[row * width + (column + width - 1) % width];
-        let along = values[(row + 1).min(height - 1) * width + column] - values[row.saturating_sub(1) * width + column];
-        let size = across.hypot(along);
+        let across = [(column + 1) % width, (column + width - 1) % width].map(|column| values[row * width + column]);
+        let along = [(row + 1).min(height - 1), row.saturating_sub(1)].map(|row| values[row * width + column]);
+        (across, along)
+    };
+    let gradient = |values: &[f32], i: usize| {
+        let ([right, left], [below, above]) = around(values, i);
+        let size = (right - left).hypot(below - above);
         if size.is_finite() { size } else { 0.0 }
+    };
+    // Where surfaces end, and not where they recede: on a plane 1/depth is smooth.
+    let is_step = |i: &usize| {
+        let ([right, left], [below, above]) = around(&cloud.depth, *i);
+        let bend = |a: f32, b: f32| (cloud.depth[*i] * (1.0 / a + 1.0 / b) - 2.0).abs();
+        let most = bend(right, left).max(bend(below, above));
+        most.is_finite() && most > 0.12
     };
     let colour: Vec<f32> = (0..width * height).map(|i| gradient(&luminance, i).min(1.0)).collect();
     let depth: Vec<usize> =
-        rows.flat_map(|row| row * width..(row + 1) * width).filter(|i| gradient(&inverse, *i) > 0.15).collect();
-    if depth.len() < width * height / 400 || width < 32 {
+        rows.flat_map(|row| row * width..(row + 1) * width).filter(|i| gradient(&logarithm, *i) > 0.15).collect();
+    if depth.len() < width * height / LEAST_EDGES || width < 32 {
         return None;
     }
+    let steps: Vec<usize> = depth.iter().copied().filter(is_step).collect();
+    let is_clear = colour.iter().filter(|edge| **edge > 0.1).count() > width * height / 10;
+    let steps = Some(steps).filter(|steps| is_clear && steps.len() >= width * height / LEAST_STEPS);
+    let [here, elsewhere] = fits(&colour, &depth, width)?;
+    let turned =
+        if elsewhere.shift > width / 2 { elsewhere.shift as f32 - width as f32 } else { elsewhere.shift as f32 };
+    Some(Fit {
+        here: here.score,
+        elsewhere: elsewhere.score,
+        degrees: turned * 360.0 / width as f32,
+        mirrored: elsewhere.mirrored,
+        steps: steps.and_then(|steps| fits(&colour, &steps, width)).map(|[here, _]| here.score),
+    })
+}
+
+/// How cells fit the colour's edges at one of the places that are tried.
+#[derive(Clone, Copy)]
+struct Trial {
+    /// Standard deviations over the mean of all places.
+    score: f32,
+    shift: usize,
+    mirrored: bool,
+}
+
+/// Returns how cells of a grid `width` wide fit edges of colour best: as they are, and turned or mirrored.
+fn fits(colour: &[f32], cells: &[usize], width: usize) -> Option<[Trial; 2]> {
     let score = |shift: usize, mirrored: bool| {
         let at = |i: &usize| {
             let (column, row) = (i % width, i / width);
             let column = if mirrored { width - 1 - column } else { column };
             colour[row * width + (column + shift) % width]
         };
-        depth.iter().map(at).sum::<f32>() / depth.len() as f32
+        cells.iter().map(at).sum::<f32>() / cells.len() as f32
     };
-    let all: Vec<(f32, usize, bool)> = [false, true]
+    let mut all: Vec<Trial> = [false, true]
         .into_iter()
-        .flat_map(|m| (0..width).map(move |s| (s, m)))
-        .map(|(s, m)| (score(s, m), s, m))
+        .flat_map(|mirrored| (0..width).map(move |shift| (shift, mirrored)))
+        .map(|(shift, mirrored)| Trial { score: score(shift, mirrored), shift, mirrored })
         .collect();
-    let mean = all.iter().map(|(score, ..)| score).sum::<f32>() / all.len() as f32;
-    let deviation = (all.iter().map(|(s, ..)| (s - mean) * (s - mean)).sum::<f32>() / all.len() as f32).sqrt();
+    let mean = all.iter().map(|trial| trial.score).sum::<f32>() / all.len() as f32;
+    let deviation = (all.iter().map(|trial| (trial.score - mean).powi(2)).sum::<f32>() / all.len() as f32).sqrt();
     if deviation <= 0.0 {
         return None;
     }
+    all.iter_mut().for_each(|trial| trial.score = (trial.score - mean) / deviation);
     let near = width / 60 + 1;
-    let is_here = |shift: usize, mirrored: bool| !mirrored && (shift <= near || shift >= width - near);
-    let best =
-        |here: bool| all.iter().filter(|(_, s, m)| is_here(*s, *m) == here).max_by(|a, b| a.0.total_cmp(&b.0)).copied();
-    let ((here, ..), (elsewhere, shift, mirrored)) = (best(true)?, best(false)?);
-    let turned = if shift > width / 2 { shift as f32 - width as f32 } else { shift as f32 };
-    Some(Fit {
-        here: (here - mean) / deviation,
-        elsewhere: (elsewhere - mean) / deviation,
-        degrees: turned * 360.0 / width as f32,
-        mirrored,
-    })
+    let is_here = |trial: &&Trial| !trial.mirrored && (trial.shift <= near || trial.shift >= width - near);
+    let best = |here: bool| {
+        all.iter().filter(|trial| is_here(trial) == here).max_by(|a, b| a.score.total_cmp(&b.score)).copied()
+    };
+    Some([best(true)?, best(false)?])
 }
 
-/// Warns of depth that belongs elsewhere in its colour.
+/// Depth of another picture stands out by less than this, standard deviations, and that of real pictures by 3.5 and more.
+const FITS: f32 = 2.0;
+
+/// Warns of depth that belongs elsewhere in its colour, or to another picture.
 pub fn edge_warning(fit: Option<Fit>, subject: &str) -> Option<String> {
-    let fit = fit.filter(|fit| fit.here < 2.5 && fit.elsewhere > fit.here + 2.0 && fit.elsewhere > 4.0)?;
-    let how = match (fit.mirrored, fit.degrees) {
-        (true, _) => "mirrored left to right".to_owned(),
-        (false, degrees) => format!("turned by {degrees:.0}°"),
-    };
-    Some(format!(
-        "{subject}: the edges of the depth fit the colour only if one of them is {how}; mend the image that is wrong"
-    ))
+    let fit = fit?;
+    if fit.here < 2.5 && fit.elsewhere > fit.here + 2.0 && fit.elsewhere > 4.0 {
+        let how = match (fit.mirrored, fit.degrees) {
+            (true, _) => "mirrored left to right".to_owned(),
+            (false, degrees) => format!("turned by {degrees:.0}°"),
+        };
+        return Some(format!(
+            "{subject}: the edges of the depth fit the colour only if one of them is {how}; mend the image that is wrong"
+        ));
+    }
+    fit.steps.filter(|steps| *steps < FITS).map(|_| {
+        let what = "the edges of the depth lie nowhere on those of the colour, as if it were turned, mirrored or of another picture";
+        format!("{subject}: {what}; check that color and depth name the same view")
+    })
 }

@@ -150,7 +150,7 @@ pub fn room_frames(
 }
 
 /// Captures one frame, or a video, into a folder: [`COLOR_FILE`] and [`DEPTH_FILE`], or numbered files.
-/// `tick` is called after each sample.
+/// `tick` is called after each sample. Returns whether all that was captured is black.
 ///
 /// # Errors
 /// Fails as [`capture`] does, or if a file cannot be written.
@@ -162,7 +162,8 @@ pub fn capture_sequence(
     settings: &CaptureSettings,
     folder: &Path,
     mut tick: impl FnMut(),
-) -> Result<()> {
+) -> Result<bool> {
+    let mut black = true;
     for index in 0..frames.unwrap_or(1) {
         let state = room.at(room.frame_time(index)).instances;
         // Each frame has noise of its own, as a camera's has.
@@ -173,8 +174,14 @@ pub fn capture_sequence(
             None => pattern.to_owned(),
         };
         write_frame(&frame, &folder.join(name(COLOR_FILE)), &folder.join(name(DEPTH_FILE)))?;
+        black = black && is_black(frame.radiance.iter());
     }
-    Ok(())
+    Ok(black)
+}
+
+/// Says whether nothing in a picture shines.
+pub fn is_black(mut texels: impl Iterator<Item = [f32; 4]>) -> bool {
+    !texels.any(|[r, g, b, _]| r > 0.0 || g > 0.0 || b > 0.0)
 }
 
 /// Writes the scene file for what [`capture_sequence`] writes into `folder`. `room` is the glTF file of the

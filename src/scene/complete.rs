@@ -33,6 +33,8 @@ pub struct CompleteScene {
     placed: Vec<Placed>,
 }
 
+const NOTHING_SHINES: &str = "nothing in it shines";
+
 impl CompleteScene {
     /// Packs objects and a room, whose first clip is played in a loop. Like all that is real, the room is seen from
     /// both sides.
@@ -51,10 +53,19 @@ impl CompleteScene {
         if !shines {
             let remedy =
                 "give the room a lamp (an emissive material or KHR_lights_punctual), or capture it with --unlit";
-            warnings.push(format!("{name}: nothing in it shines, so that all of it is black; {remedy}"));
+            warnings.push(format!("{name}: {NOTHING_SHINES}, so that all of it is black; {remedy}"));
         }
         let content = content(&camera, &all);
         Ok(Self { name: name.to_owned(), camera, packed, fps: 30.0, exposure: 1.0, warnings, content, placed })
+    }
+
+    /// Warns of a picture of it that is black all over, if that was not known before. `subject` names the picture.
+    pub fn black_warning(&self, is_black: bool, subject: &str) -> Option<String> {
+        let is_known = self.warnings.iter().any(|warning| warning.contains(NOTHING_SHINES));
+        (is_black && !is_known).then(|| {
+            let remedy = "check where the point of view is, that lamps face the room, and that nothing encloses them";
+            format!("{subject}: all of it is black: no light of the scene's lamps gets there; {remedy}")
+        })
     }
 
     /// Returns the world box of everything at `time_seconds`, metres.

@@ -113,12 +113,55 @@ fn depth_of_another_meaning_is_recognised() {
     warns(&folder(distance, paint, "encoding = 'planar'\n"), &["bent", "encoding = \"radial\""]);
 }
 
+/// A corridor of 1.8 × 2.6 × 12 m, whose floor is farther than its walls.
+fn corridor(d: Vec3) -> f32 {
+    leaves(d, vec3(-0.9, -1.6, -6.0), vec3(0.9, 1.0, 6.0))
+}
+
+#[test]
+fn corridors_are_not_taken_for_swapped() {
+    let white = |_: Vec3| Vec3::ONE;
+    let sound = folder(corridor, white, "");
+    assert!(warnings(&sound).is_empty());
+    sound.succeeds("new color.exr depth.exr -o new.toml --height 1.6");
+    let text = std::fs::read_to_string(sound.path("new.toml")).expect("written");
+    assert!(text.contains("encoding = \"radial\"\nscale = 1\n"), "{text}");
+    warns(&folder(|d| 1000.0 * corridor(d), white, ""), &["millimetres", "scale = 0.001"]);
+    warns(&folder(|d| corridor(d) * d.abs().max_element(), white, ""), &["bent", "encoding = \"planar\""]);
+    warns(&folder(|d| 1.0 / corridor(d), white, ""), &["near and far", "encoding = \"disparity\" and scale = 1 "]);
+    warns(&folder(|d| 7.0 - corridor(d), white, ""), &["turned round", "scale = -", "offset = -7"]);
+    let lean = Quat::from_rotation_x(0.14);
+    warns(&folder(|d| corridor(lean * d), white, ""), &["tilted by 8.0"]);
+}
+
+#[test]
+fn check_does_not_warn_of_a_tilt_that_new_leaves() {
+    // A floor that is bent by wrong depth is tilted, and its ceiling is not.
+    let slanted = |d: Vec3| {
+        leaves(d, vec3(-2.0, -1.5, -2.5), vec3(2.0, 1.1, 2.5)).min({
+            let n = vec3(0.08, -1.0, 0.0).normalize();
+            if n.dot(d) > 0.0 { 1.4 / n.dot(d) } else { f32::INFINITY }
+        })
+    };
+    let folder = folder(slanted, |_| Vec3::ONE, "");
+    assert!(!warnings(&folder).iter().any(|warning| warning.contains("tilted")));
+    folder.succeeds("new color.exr depth.exr -o new.toml");
+    assert!(!std::fs::read_to_string(folder.path("new.toml")).expect("written").contains("pitch"));
+}
+
 #[test]
 fn pictures_that_do_not_fit_are_recognised() {
     let mirrored = |d: Vec3| paint(d * vec3(-1.0, 1.0, 1.0));
     warns(&folder(distance, mirrored, ""), &["mirrored"]);
     let turned = |d: Vec3| paint(Quat::from_rotation_y(1.0) * d);
     warns(&folder(distance, turned, ""), &["turned by"]);
+    // The depth of another room, whose cupboards stand elsewhere.
+    let other = |d: Vec3| {
+        let walls = leaves(d, vec3(-3.0, -1.5, -2.0), vec3(2.5, 1.1, 4.0));
+        let cupboards = [(vec3(-0.4, -1.5, -1.9), vec3(0.9, 0.6, -1.2)), (vec3(-1.5, -1.5, 1.4), vec3(-0.8, 0.4, 2.2))];
+        cupboards.into_iter().filter_map(|(low, high)| enters(d, low, high)).fold(walls, f32::min)
+    };
+    warns(&folder(other, paint, ""), &["lie nowhere on those of the colour"]);
     // Directions of the file are turned to those of the room.
     let lean = Quat::from_rotation_z(0.1);
     let tilted = |keys: &str| folder(|d| distance(lean * d), |d| paint(lean * d), keys);
@@ -137,6 +180,15 @@ fn objects_that_stand_wrong_are_told_how_to_stand() {
     warns(&placed("translation = [0.3, 0.2, -4.2]"), &["cube", "outside"]);
     warns(&placed("translation = [0.3, 0.2, -1.2]\nscale = 1000"), &["cube", "capture point", "scale = 0.001"]);
     warns(&placed("translation = [0, 0, -30]\nscale = 100"), &["cube", "larger than the room", "scale = 0.01"]);
+    let long = "[[object]]\nname = 'slab'\nshape = 'box'\nsize = [9, 0.4, 0.4]\ntranslation = [0, 0.2, -1.2]";
+    warns(&folder(distance, paint, long), &["slab", "larger than the room", "along x"]);
+    // Behind a cupboard, and where place puts it.
+    assert!(warnings(&placed("translation = [-1.4, 0.2, -2.15]")).is_empty());
+    assert!(warnings(&placed("place = { floor = [0.3, -1.2] }")).is_empty());
+    let sphere = placed("");
+    let text = format!("[panorama]\ncolor = 'color.exr'\ndepth = 4.0\n{CUBE}place = {{ floor = [0.3, -1.2] }}");
+    sphere.write("scene.toml", &text);
+    assert!(warnings(&sphere).is_empty());
     // On a cupboard, and moving through the air.
     assert!(warnings(&placed("translation = [1.5, 1.3, 1.2]")).is_empty());
     let key = "key = [{ time = 0, translation = [0, 1, -1] }, { time = 1, translation = [0, 2, -1] }]";
@@ -256,6 +308,19 @@ fn a_new_scene_is_right_at_the_first_try() {
     assert!(text.contains("scale = 21.3") && text.contains("position = [0, 1.59"), "{text}");
     let text = place("disparity", 3.0, -1);
     assert!(text.contains("encoding = \"disparity\"") && text.contains("scale = 3.2"), "{text}");
+
+    // A tall model is in the picture from head to foot.
+    let tall = folder(distance, paint, "");
+    cube_model(&tall, 1.5);
+    tall.succeeds("new color.exr depth.exr cube.glb -o tall.toml");
+    let text = std::fs::read_to_string(tall.path("tall.toml")).expect("written");
+    let value = |key: &str| text.split(key).nth(1).and_then(|rest| rest.split(['\n', ']']).next()).expect("a key");
+    let look: Vec<f32> = value("look_at = [").split(',').map(|x| x.trim().parse().expect("a number")).collect();
+    let half = 0.5 * value("fov_y = ").parse::<f32>().expect("a number");
+    let away = look[0].hypot(look[2]);
+    let elevation = |over: f32, away: f32| (over - 1.5).atan2(away).to_degrees();
+    let middle = elevation(look[1], away);
+    assert!(elevation(0.0, away - 0.75) > middle - half && elevation(1.5, away) < middle + half, "{text}");
 
     let folder = folder(distance, paint, "");
     folder.succeeds("new color.exr -o box.toml");
