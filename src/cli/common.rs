@@ -55,7 +55,7 @@ impl DeviceArgs {
 pub struct PictureArgs {
     /// A scene file or a built-in room [default: apartment]
     pub scene: Option<String>,
-    /// Picture size [default: the scene's]
+    /// Picture size [default: the scene's, and half as high as wide for equirect]
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
     /// The method: iprt, paper, ibl or reference [default: the scene's]
@@ -118,9 +118,13 @@ impl PictureArgs {
         parse_projection(&self.projection)
     }
 
-    /// The size that `--size` gives, or else the scene's own.
+    /// The size that `--size` gives, or else the scene's own. All directions take half as many rows as columns.
     pub fn size(&self, of_scene: [u32; 2]) -> Result<[u32; 2]> {
-        self.size.as_deref().map_or(Ok(of_scene), parse_size)
+        match &self.size {
+            Some(text) => parse_size(text),
+            None if self.projection()? == Projection::Equirect => Ok([of_scene[0], of_scene[0].div_ceil(2)]),
+            None => Ok(of_scene),
+        }
     }
 
     /// The complete true scene of a built-in room, or of a scene file that names its room.
@@ -202,6 +206,12 @@ pub fn key_value(pair: &str) -> Result<(&str, &str)> {
         Error::input("--set", format!("\"{pair}\" is not key=value"), "write for example --set atrous_levels=3")
     })?;
     Ok((key.trim(), value.trim()))
+}
+
+/// Tells whether a file is the one that it was: how long it is, and when it was written.
+pub fn stamp(path: &Path) -> String {
+    let known = std::fs::metadata(path).ok();
+    format!("{:?} {:?}", known.as_ref().map(std::fs::Metadata::len), known.and_then(|m| m.modified().ok()))
 }
 
 /// The longest run: a day and more.

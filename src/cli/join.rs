@@ -1,7 +1,7 @@
 //! `iprt join` checks that all frames of a render are there and of one kind, and encodes them.
 
 use super::{
-    common::{open_scene, parse_frames},
+    common::{open_scene, parse_frames, stamp},
     progress::progress,
     signals,
     sink::{Timing, VideoArgs, look_of, sound},
@@ -90,11 +90,7 @@ pub fn run(args: &Args) -> Result<()> {
     let source = scene.as_ref().and_then(|scene| scene.panorama.video());
     let wanted = Wanted { codec: args.video.codec, crf: args.video.crf, pix_fmt: args.video.pix_fmt.clone() };
     let encoding = Encoding::of(&wanted, &args.output, size, timing.rate, source)?;
-    let stamp = |number: u32| {
-        let known = std::fs::metadata(pattern.file(number)).ok();
-        format!("{:?} {:?}", known.as_ref().map(std::fs::Metadata::len), known.and_then(|m| m.modified().ok()))
-    };
-    let stamps: Vec<String> = (first..=last).map(stamp).collect();
+    let stamps: Vec<String> = (first..=last).map(|number| stamp(&pattern.file(number))).collect();
     let job = format!("join {exposure} {:?} {stamps:?}", look.tonemap);
     let mut film = Film::begin(&args.output, encoding, look, &job, [first, last])?;
     let begin = film.next();

@@ -65,8 +65,8 @@ enum Depth {
 
 /// Looks at the files, and writes the scene.
 pub fn run(args: &Args) -> Result<()> {
-    if !(args.height.is_finite() && args.height > 0.0) {
-        return Err(Error::input("--height", args.height, "give metres above 0"));
+    if !(0.001..=10_000.0).contains(&args.height) {
+        return Err(Error::input("--height", args.height, "give metres, from 0.001 to 10000"));
     }
     if args.output.exists() && !args.force {
         return Err(Error::input(args.output.display(), "is there already", "give another name with -o, or --force"));

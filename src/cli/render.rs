@@ -1,7 +1,7 @@
 //! `iprt render` renders pictures to files.
 
 use super::{
-    common::{MOST_FRAMES, PictureArgs, parse_frames},
+    common::{MOST_FRAMES, PictureArgs, parse_frames, stamp},
     progress::progress,
     signals,
     sink::{Asked, Sink, Target, VideoArgs},
@@ -294,7 +294,8 @@ fn job(scene: &Scene, eyes: &[Renderer], exposure: f32, spp: u32, warmup: u32, l
         })
         .collect();
     let panorama = scene.panorama.spec();
-    Ok(format!("{rendered} {:?} {described} {exposure} {spp} {warmup} {moves:?} {panorama:?}", methods))
+    let files: Vec<String> = panorama.map_or(Vec::new(), |spec| spec.files()).iter().map(|file| stamp(file)).collect();
+    Ok(format!("{rendered} {:?} {described} {exposure} {spp} {warmup} {moves:?} {panorama:?} {files:?}", methods))
 }
 
 fn time(renderer: &mut Renderer, scene: &Scene, first: u32, frames: u32) -> Result<bench::BenchReport> {

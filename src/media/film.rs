@@ -95,6 +95,8 @@ pub struct Film {
     path: PathBuf,
     folder: PathBuf,
     encoding: Arc<Encoding>,
+    /// The first and the last frame.
+    range: [u32; 2],
     /// The frame that comes next.
     next: u32,
     sender: Option<SyncSender<Shot>>,
@@ -116,19 +118,15 @@ impl Film {
         }
         make_folder(&folder)?;
         write_bytes(&note, job.as_bytes())?;
-        let mut next = first;
-        for (from, to, _) in parts(&folder)? {
-            if from == next && to <= last {
-                next = to + 1;
-            }
-        }
+        let next = chain(&folder, [first, last])?.last().map_or(first, |(_, to, _)| to + 1);
         let encoding = Arc::new(encoding);
         // One picture waits while the one before is encoded.
         let (sender, shots) = sync_channel(1);
         let subject = path.display().to_string();
         let writer = Writer { encoding: Arc::clone(&encoding), look, folder: folder.clone(), next, subject };
         let thread = Some(std::thread::spawn(move || writer.run(&shots)));
-        Ok(Self { path: path.to_owned(), folder, encoding, next, sender: Some(sender), thread })
+        let (path, range) = (path.to_owned(), [first, last]);
+        Ok(Self { path, folder, encoding, range, next, sender: Some(sender), thread })
     }
 
     /// The frame that comes next: the first one, unless there are parts already.
@@ -175,7 +173,7 @@ impl Film {
         let rate = f64::from(self.encoding.rate[0]) / f64::from(self.encoding.rate[1]);
         let mut list = String::from("ffconcat version 1.0\n");
         let mut seconds = 0.0;
-        for (_, _, file) in parts(&self.folder)? {
+        for (_, _, file) in chain(&self.folder, self.range)? {
             let count =
                 fs::read_to_string(file.with_extension("count")).ok().and_then(|n| n.trim().parse::<u32>().ok());
             let duration = f64::from(count.unwrap_or(0)) / rate;
@@ -223,7 +221,7 @@ impl Film {
         let mut command = tool::command("ffmpeg");
         command.arg("-y");
         match source {
-            Source::List(list) => command.args(["-f", "concat", "-safe", "0", "-i"]).arg(list),
+            Source::List(list) => command.args(["-f", "concat", "-safe", "0", "-i"]).arg(tool::local(list)),
             Source::File(file) => command.arg("-i").arg(tool::local(file)),
         };
         if let Some((file, _, from)) = &extras.audio {
@@ -343,6 +341,18 @@ fn parts(folder: &Path) -> Result<Vec<(u32, u32, PathBuf)>> {
     }
     found.sort();
     Ok(found)
+}
+
+/// The parts that follow each other from the first frame on, up to the last one at most. Others are of longer runs.
+fn chain(folder: &Path, [first, last]: [u32; 2]) -> Result<Vec<(u32, u32, PathBuf)>> {
+    let mut next = first;
+    let mut all = parts(folder)?;
+    all.retain(|(from, to, _)| {
+        let fits = *from == next && *to <= last;
+        next = if fits { to + 1 } else { next };
+        fits
+    });
+    Ok(all)
 }
 
 /// Removes a folder of parts, but no file that is not of this program.

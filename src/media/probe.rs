@@ -62,6 +62,7 @@ struct Probed {
 
 #[derive(Default, Deserialize)]
 struct ProbedFormat {
+    format_name: Option<String>,
     start_time: Option<String>,
 }
 
@@ -152,7 +153,9 @@ impl VideoInfo {
         let tags = tags(stream, format, size, &subject, &mut assumed)?;
         let (stamps, packets, is_cut) = time_stamps(path, stream.index, &subject)?;
         let promised = stream.nb_frames.as_deref().and_then(|count| count.parse::<usize>().ok());
-        let promised = promised.filter(|promised| *promised > packets);
+        // AVI also counts chunks without a picture.
+        let is_avi = probed.format.format_name.as_deref() == Some("avi");
+        let promised = promised.filter(|promised| *promised > packets && !is_avi);
         let lacks = (is_cut || promised.is_some()).then_some(Lack { promised });
         if stamps.is_empty() {
             return Err(Error::input(&subject, "its video holds no frame", broken));

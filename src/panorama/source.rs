@@ -4,6 +4,7 @@ use super::{
     clipped::{self, Clipped},
     depth::{Quality, Quantisation, Rule},
     packing::halves,
+    pattern::Pattern,
     stream::Stream,
     texels::Texels,
     tone,
@@ -141,6 +142,24 @@ enum FrameSource {
     /// Frames, and what [`LampRule::Estimate`] found in the first one.
     Memory(Arc<Vec<Arc<PanoramaFrame>>>, Arc<OnceLock<Clipped>>),
     Files(Arc<Stream>),
+}
+
+impl PanoramaSpec {
+    /// All files that the frames are read from and that are there.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let depth = match &self.depth {
+            DepthSource::Files(path) => Some(path),
+            DepthSource::Sphere(_) | DepthSource::Box { .. } | DepthSource::Packed => None,
+        };
+        let of = |path: &PathBuf| {
+            let Ok(pattern) = Pattern::parse(path) else { return vec![path.clone()] };
+            if !pattern.is_sequence() {
+                return vec![pattern.file(0)];
+            }
+            pattern.existing().unwrap_or_default().into_iter().map(|number| pattern.file(number)).collect()
+        };
+        [Some(&self.color), depth, self.mask.as_ref()].into_iter().flatten().flat_map(of).collect()
+    }
 }
 
 impl PanoramaFrame {

@@ -218,10 +218,8 @@ fn memory_is_asked_for_before_it_is_taken() {
         list(|k| format!(r#"{{"mesh": {k}}}"#)),
     );
     folder.write("textures.gltf", &gltf);
-    folder.write(
-        "textures.toml",
-        "[panorama]\ncolor = \"small.png\"\ndepth = 3\n[[object]]\ngltf = \"textures.gltf\"\n",
-    );
+    folder
+        .write("textures.toml", "[panorama]\ncolor = \"small.png\"\ndepth = 3\n[[object]]\ngltf = \"textures.gltf\"\n");
     flat_png(&folder.path("small.png"), 64, 32);
     let ran = run(&folder, &["check", "textures.toml"]);
     assert!(ran.stderr.contains("all together exceed 256 MiB"), "{}", ran.stderr);

@@ -318,3 +318,13 @@ fn a_scene_file_is_written_for_a_video() {
     folder.succeeds("render scene.toml -o a.png --size 64x36 --warmup 1 -q --validation");
     assert_eq!(image::open(folder.path("a.png")).expect("a picture").width(), 64);
 }
+
+/// Motion JPEG in AVI, which counts an empty chunk as a frame.
+#[test]
+fn a_whole_avi_is_not_called_cut_off() {
+    let folder = Folder::empty();
+    ffmpeg(&folder, "-f lavfi -i testsrc2=size=64x32:rate=25:duration=1 -c:v mjpeg v.avi");
+    let source = open(&folder, "color = 'v.avi'\ndepth = 3");
+    assert_eq!(source.frame_count(), 25);
+    folder.succeeds("check scene.toml");
+}

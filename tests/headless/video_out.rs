@@ -225,11 +225,28 @@ fn an_interrupted_video_goes_on() {
     child.kill().expect("killed");
     child.wait().expect("ends");
     assert!(!folder.path("out.mp4").exists(), "nothing half-written has the name");
+    for name in ["short:1.mp4", "other.mp4"] {
+        let copy = folder.path(&format!(".{name}.iprt-parts"));
+        std::fs::create_dir(&copy).expect("made");
+        for file in std::fs::read_dir(&parts).expect("is there").filter_map(Result::ok) {
+            std::fs::copy(file.path(), copy.join(file.file_name())).expect("copied");
+        }
+    }
     let output = folder.run(arguments);
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && said.contains("goes on at frame 48"), "{said}");
     assert_eq!(stream(&probe(&folder, "out.mp4"), "video")["nb_read_frames"], "120");
     assert!(!parts.exists());
+
+    // Parts of a longer run are none of a shorter one, and those of another source are none at all.
+    folder.succeeds("render scene.toml -o short:1.mp4 --warmup 2 --size 32x18 --frames 0..29 -q");
+    std::fs::rename(folder.path("short:1.mp4"), folder.path("short.mp4")).expect("renamed");
+    assert_eq!(stream(&probe(&folder, "short.mp4"), "video")["nb_read_frames"], "30");
+    ffmpeg(&folder, &format!("-f lavfi -i testsrc=size=64x32:rate=25:duration=6 {BT709} v.mp4"));
+    let output = folder.run(&arguments.replace("out.mp4", "other.mp4").replace("0..119", "0..49"));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !said.contains("goes on"), "{said}");
+    assert_eq!(stream(&probe(&folder, "other.mp4"), "video")["nb_read_frames"], "50");
 }
 
 #[test]
