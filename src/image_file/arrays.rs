@@ -10,7 +10,7 @@ use half::f16;
 use std::io::{Cursor, Read as _};
 use tiff::{
     ColorType,
-    decoder::{Decoder, DecodingResult},
+    decoder::{Decoder, DecodingResult, Limits},
     tags::Tag,
 };
 
@@ -36,6 +36,7 @@ fn raster(array: Decoded, subject: &str) -> Result<Raster> {
     let damaged = |problem: String| {
         let remedy = match problem.as_str() {
             problem if problem.starts_with("has no array") => "choose one of these as layer",
+            problem if problem.starts_with("would take") => budget::REMEDY,
             problem if problem.starts_with("TIFF: ") => "convert it to a TIFF or PNG of 8 or 16 bits, or to an EXR",
             _ => "write it again",
         };
@@ -329,9 +330,17 @@ fn deep_tiff(bytes: &[u8]) -> Option<Decoded> {
         _ => return None,
     };
     let count = u64::from(width) * u64::from(height);
-    if count > MAX_PIXELS || budget::refusal(count * (20 + 4 * channels as u64)).is_some() {
+    if count > MAX_PIXELS {
         return Some(Err(format!("says it has {width}x{height} pixels")));
     }
+    if let Some(problem) = budget::refusal(count * (20 + 4 * channels as u64)) {
+        return Some(Err(problem));
+    }
+    // The whole was just asked for.
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = usize::MAX;
+    limits.intermediate_buffer_size = usize::MAX;
+    let mut decoder = decoder.with_limits(limits);
     fn floats<T: Copy>(values: &[T], value: impl Fn(T) -> f32) -> Samples {
         Samples::F32(values.iter().map(|given| value(*given)).collect())
     }
