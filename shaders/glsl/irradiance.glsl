@@ -367,12 +367,13 @@ vec3 incoming(vec3 origin, Ray ray, SceneHit hit, Passage passage, inout Random 
 struct RealStart { vec3 normal; vec3 off_real; vec3 off_virtual; };
 
 // Returns where rays leave a real surface: by more than the steps of its depth for those through the real
-// scene, and by almost nothing for those to objects, so that a contact shadow begins at the contact.
+// scene, and by almost nothing for those to objects, so that a contact shadow begins at the contact. The first also leave
+// towards the capture point, as triangles that cut a corner off have other normals than its surfaces.
 RealStart real_start(ivec2 p) {
     uvec4 guide = imageLoad(in_guide, ivec3(p, REAL));
     vec3 point = guide_position(guide), normal = guide_unit_normal(guide);
     float off = FAULT == FAULT_RAYS_FROM_BELOW ? -2e-3 : 2e-3;
-    return RealStart(normal, point + normal * (off * length(point)), point + normal * 1e-4);
+    return RealStart(normal, point + (normal - normalize(point)) * (off * length(point)), point + normal * 1e-4);
 }
 
 // A real surface as one that lobes start from.
