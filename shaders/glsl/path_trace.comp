@@ -78,9 +78,9 @@ const uint LOBES = 2u;
 
 const uint LIGHT_CANDIDATES = 4u;
 
-// Returns the density, per area, with which light sampling finds a point of this triangle.
-float light_density(uint triangle) {
-    return luminance(in_materials.material[in_shading.triangle[triangle].material].emissive) * push.inverse_power;
+// Returns the density, per area, with which light sampling finds a point.
+float light_density(SceneHit point) {
+    return luminance(hit_material(point).emissive) * push.inverse_power;
 }
 
 // Returns the light whose share of [0, 1) holds u.
@@ -114,11 +114,11 @@ vec3 direct(Surface s, Lobes l, vec3 to_eye, uint lobe, float pick, vec2 u, floa
         vec3 d = to / max(distance, 1e-12);
         float cosine = abs(dot(normal, d)) / length(normal);
         if (dot(d, s.geometric) <= 0.0 || cosine <= 0.0) continue;
-        float by_light = light_density(point.triangle) * distance * distance / cosine;
+        float by_light = light_density(point) * distance * distance / cosine;
         float by_lobe;
         vec3 value = bsdf_evaluate(s, l, lobe, to_eye, d, by_lobe);
         if (by_lobe <= 0.0) continue;
-        Material m = in_materials.material[in_shading.triangle[point.triangle].material];
+        Material m = hit_material(point);
         vec3 radiance = m.textures[SLOT_EMISSIVE] == NONE && (m.flags & UNLIT) == 0u ? m.emissive : scene_surface(point, d, 0.0).emissive;
         if ((m.flags & (MASKED | BLENDED)) != 0u) radiance *= hit_alpha(point, d, 0.0);
         vec3 brings = value * radiance / (by_light + (push.sampling == MIS ? by_lobe : 0.0));
@@ -185,7 +185,7 @@ void main() {
         } else if (s.emissive != vec3(0.0)) {
             float weight = 1.0;
             if (by_lobe > 0.0) {
-                float by_light = light_density(hit.triangle) * hit.t * hit.t / max(abs(dot(s.geometric, d)), 1e-12);
+                float by_light = light_density(hit) * hit.t * hit.t / max(abs(dot(s.geometric, d)), 1e-12);
                 if (push.sampling == MIS) weight = by_lobe / (by_lobe + by_light);
                 else if (push.sampling == LIGHTS && by_light > 0.0) weight = 0.0;
             }

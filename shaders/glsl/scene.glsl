@@ -271,6 +271,11 @@ vec4 texture_sample(uint index, Texcoords at, float cutoff) {
 #define TEXTURED(slot) ((TEXTURES & (1u << slot)) != 0u && m.textures[slot] != NONE)
 #define TEXEL(slot) texture_sample(m.textures[slot], at, -1.0)
 
+// Returns the material of a hit.
+Material hit_material(SceneHit hit) {
+    return in_materials.material[in_instances.instance[hit.instance].first_material + in_shading.triangle[hit.triangle].material];
+}
+
 // Returns where a hit is.
 vec3 scene_point(SceneHit hit) {
     TriangleGeometry tri = triangle_geometry(hit.triangle);
@@ -293,9 +298,9 @@ mat2 footprint(TriangleGeometry tri, vec4 object_to_world[3], vec3 geometric, ve
 
 // Returns how much of a surface is there at a hit, from 0 to 1, of what a ray along d, `width` metres wide, covers.
 float hit_alpha(SceneHit hit, vec3 d, float width) {
-    TriangleShading shading = in_shading.triangle[hit.triangle];
-    Material m = in_materials.material[shading.material];
+    Material m = hit_material(hit);
     if ((m.flags & (MASKED | BLENDED)) == 0u) return 1.0;
+    TriangleShading shading = in_shading.triangle[hit.triangle];
     Vertex v0 = in_vertices.vertex[shading.v0], v1 = in_vertices.vertex[shading.v1], v2 = in_vertices.vertex[shading.v2];
     vec3 b = vec3(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
     bool masked = (m.flags & MASKED) != 0u;
@@ -399,7 +404,7 @@ Surface scene_surface(SceneHit hit, vec3 d, float width) {
     TriangleGeometry tri = triangle_geometry(hit.triangle);
     TriangleShading shading = in_shading.triangle[hit.triangle];
     Vertex v0 = in_vertices.vertex[shading.v0], v1 = in_vertices.vertex[shading.v1], v2 = in_vertices.vertex[shading.v2];
-    Material m = in_materials.material[shading.material];
+    Material m = in_materials.material[instance.first_material + shading.material];
     vec3 b = vec3(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
 
     Surface s;

@@ -12,8 +12,7 @@ use crate::{
     scene::{
         lights::Shining,
         packed::{
-            BvhNode, EmitterHeader, Instance, Light, Mover, ONE_SIDED, PackedInstances, PackedScene, Punctual,
-            TriangleGeometry,
+            BvhNode, EmitterHeader, Instance, Light, Mover, PackedInstances, PackedScene, Punctual, TriangleGeometry,
         },
     },
 };
@@ -53,13 +52,12 @@ impl SceneBuffers {
         let movers = gpu.buffer("movers", (4 * (instances + lights) * size_of::<Mover>()) as u64)?;
         add("movers", movers.clone());
         let shining = Shining::of(scene);
-        let most = shining.most(scene.nodes.iter().enumerate().map(|(index, _)| index as u32)) * instances.max(1);
-        let bytes = size_of::<EmitterHeader>() + most.clamp(1, MAX_EMITTERS) * size_of::<Light>();
+        let bytes = size_of::<EmitterHeader>() + shining.most(scene).max(1) * size_of::<Light>();
         let emitters = gpu.buffer("emitters", bytes as u64)?;
         resources.add("emitters", Resource::Buffer(emitters.clone()));
         let punctual = gpu.buffer("punctual lights", (size_of::<u32>() + lights * size_of::<Punctual>()) as u64)?;
         resources.add("punctual", Resource::Buffer(punctual.clone()));
-        let triangles = Table::with(gpu, "triangles", &triangle_items(&scene.triangles, &one_sided(scene)))?;
+        let triangles = Table::with(gpu, "triangles", &triangle_items(&scene.triangles, &scene.one_sided))?;
         let nodes = Table::with(gpu, "bvh nodes", bytemuck::cast_slice(&scene.nodes))?;
         let deforming = scene.triangles.len().saturating_sub(scene.first_deformed as usize);
         let previous = Table::new(gpu, "previous triangles", deforming * TRIANGLE_TEXELS)?;
@@ -146,19 +144,16 @@ impl SceneBuffers {
     ) -> Result<()> {
         frame.write_buffer(&self.movers, 0, movers)?;
         frame.write_buffer(&self.instances, 0, &state.instances)?;
-        let room = (self.emitters.bytes() as usize - size_of::<EmitterHeader>()) / size_of::<Light>();
         let table = self.shining.lights(scene, state);
-        // Too many lights are found by chance, as none is then aimed at.
-        let lights = if table.lights.len() <= room { &table.lights[..] } else { &[] };
-        let inverse_power = if lights.is_empty() { 0.0 } else { (1.0 / table.power) as f32 };
+        let inverse_power = if table.lights.is_empty() { 0.0 } else { (1.0 / table.power) as f32 };
         let header = EmitterHeader {
-            count: lights.len() as u32,
+            count: table.lights.len() as u32,
             inverse_power,
             center: table.center,
             radius: table.radius.max(1e-3),
             surroundings: std::f32::consts::PI * luminance,
         };
-        let bytes = [bytemuck::bytes_of(&header), bytemuck::cast_slice(lights)].concat();
+        let bytes = [bytemuck::bytes_of(&header), bytemuck::cast_slice(&table.lights)].concat();
         frame.write_buffer(&self.emitters, 0, &bytes)?;
         let count = state.lights.len() as u32;
         frame.write_buffer(&self.punctual, 0, &[&count.to_le_bytes(), bytemuck::cast_slice(&state.lights)].concat())?;
@@ -172,9 +167,6 @@ impl SceneBuffers {
     }
 }
 
-/// The most triangles that are aimed at.
-const MAX_EMITTERS: usize = 1 << 20;
-
 /// Texels of a triangle.
 const TRIANGLE_TEXELS: usize = 3;
 
@@ -182,12 +174,6 @@ fn triangle_items(triangles: &[TriangleGeometry], one_sided: &[bool]) -> Vec<[u3
     let texel = |v: Vec3, w: bool| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), u32::from(w)];
     let items = triangles.iter().zip(one_sided);
     items.flat_map(|(t, one_sided)| [texel(t.v0, *one_sided), texel(t.e1, false), texel(t.e2, false)]).collect()
-}
-
-/// Says of each triangle whether the camera sees its front alone.
-fn one_sided(scene: &PackedScene) -> Vec<bool> {
-    let flags = |material: u32| scene.materials.get(material as usize).map_or(0, |material| material.flags);
-    scene.shading.iter().map(|triangle| flags(triangle.material) & ONE_SIDED != 0).collect()
 }
 
 /// Bytes of a texel of a [`Table`].

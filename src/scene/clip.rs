@@ -2,6 +2,7 @@
 
 use super::{animation::Transform, model::Local};
 use glam::{Quat, Vec4};
+use std::sync::Arc;
 
 /// How the keys of a channel are joined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,8 +57,8 @@ pub struct Weights {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
     pub name: String,
-    pub channels: Vec<Channel>,
-    pub weights: Vec<Weights>,
+    pub channels: Arc<[Channel]>,
+    pub weights: Arc<[Weights]>,
     /// Whether it ends with its last key, and does not repeat.
     pub hold: bool,
     /// The place in the clip at which it stands at time 0, seconds.
@@ -89,7 +90,7 @@ impl Clip {
     /// Sets the locals that the clip moves.
     pub fn apply(&self, time: f64, locals: &mut [Local]) {
         let time = self.place(time);
-        for channel in &self.channels {
+        for channel in self.channels.iter() {
             // An animated node has no matrix (glTF forbids it). One that does is moved from the origin.
             let mut transform = match locals[channel.node] {
                 Local::Transform(transform) => transform,
@@ -192,13 +193,14 @@ mod tests {
         let quarter = Vec4::from(Quat::from_rotation_y(1.0));
         let clip = Clip { name: "turn".into(), ..Clip::default() };
         let clip = Clip {
-            channels: vec![Channel {
+            channels: [Channel {
                 node: 0,
                 property: Property::Rotation,
                 join: Join::Linear,
                 times: vec![0.0, 2.0],
                 values: vec![Vec4::W, quarter],
-            }],
+            }]
+            .into(),
             ..clip
         };
         let mut locals = [Local::Transform(Transform::IDENTITY)];
@@ -211,7 +213,7 @@ mod tests {
     #[test]
     fn clips_can_begin_later_and_hold_and_move_weights() {
         let weights = Weights { node: 2, join: Join::Linear, times: vec![0.0, 2.0], values: vec![0.0, 1.0, 1.0, 0.5] };
-        let clip = Clip { weights: vec![weights], ..Clip::default() };
+        let clip = Clip { weights: [weights].into(), ..Clip::default() };
         assert_eq!(clip.weights_at(2, 1.0), Some(vec![0.5, 0.75]));
         assert_eq!(clip.weights_at(2, 2.5), Some(vec![0.25, 0.875]), "it repeats");
         assert_eq!(clip.weights_at(1, 0.0), None);

@@ -1,11 +1,11 @@
 //! The triangles that shine, in a table from which one is drawn by area × luminance.
 
-use super::{
-    bvh,
-    packed::{Instance, Light, NONE, PackedInstances, PackedScene, TriangleGeometry},
-};
+use super::packed::{Instance, Light, PackedInstances, PackedScene, TriangleGeometry};
 use glam::{DVec3, Vec3, Vec4, vec3};
 use std::collections::HashMap;
+
+/// The most triangles that are aimed at. Where more shine, rays find them by chance.
+const MOST: usize = 1 << 20;
 
 /// All lights of a scene at one time.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,40 +20,42 @@ pub struct SceneLights {
     pub radius: f32,
 }
 
-/// The triangles that shine of each mesh, with their luminance, by the mesh's root.
+/// The triangles that shine of each mesh as it is used, with their luminance.
 #[derive(Clone, Debug, Default)]
-pub struct Shining(HashMap<u32, Vec<(u32, f32)>>);
+pub struct Shining(HashMap<(u32, u32), Vec<(u32, f32)>>);
 
 impl Shining {
     /// Looks through all materials. Textured emission counts with its factor, which is an upper bound.
     pub fn of(scene: &PackedScene) -> Self {
         let shines = scene.materials.iter().any(|material| luminance(material.emissive) > 0.0);
-        let roots = scene.nodes.iter().enumerate().scan(true, |first, (index, node)| {
-            let is_root = std::mem::replace(first, node.leaf != 0 && node.next == NONE);
-            Some(is_root.then_some(index as u32))
-        });
-        let of = |root: u32| {
-            let luminance =
-                |triangle: u32| luminance(scene.materials[scene.shading[triangle as usize].material as usize].emissive);
-            let all = triangles_below(scene, root).into_iter().map(|triangle| (triangle, luminance(triangle)));
-            (root, all.filter(|(_, luminance)| *luminance > 0.0).collect::<Vec<_>>())
+        let of = |used: &(u32, u32)| {
+            let all =
+                scene.triangles_of(used.0).map(|triangle| (triangle, luminance(scene.emissive(triangle, used.1))));
+            let mut found: Vec<_> = all.filter(|(_, luminance)| *luminance > 0.0).collect();
+            found.sort_unstable_by_key(|(triangle, _)| *triangle);
+            (*used, found)
         };
-        let found = roots.flatten().filter(|_| shines).map(of).filter(|(_, triangles)| !triangles.is_empty());
+        let found = scene.uses.keys().filter(|_| shines).map(of).filter(|(_, triangles)| !triangles.is_empty());
         Self(found.collect())
     }
 
-    /// Returns the most lights that instances of these meshes can have.
-    pub fn most(&self, roots: impl Iterator<Item = u32>) -> usize {
-        roots.filter_map(|root| self.0.get(&root)).map(Vec::len).sum()
+    /// Returns how many lights a scene has at most.
+    pub fn most(&self, scene: &PackedScene) -> usize {
+        let all: usize =
+            self.0.iter().map(|(used, triangles)| triangles.len() * scene.uses.get(used).unwrap_or(&0)).sum();
+        if all <= MOST { all } else { 0 }
     }
 
-    /// Collects the lights of a scene at one time.
+    /// Collects the lights of a scene at one time. If they may be too many, there are none.
     pub fn lights(&self, scene: &PackedScene, state: &PackedInstances) -> SceneLights {
+        if self.most(scene) == 0 {
+            return SceneLights::default();
+        }
         let mut lights = Vec::new();
         let mut weights = Vec::new();
         let mut centers = Vec::new();
         for (index, instance) in state.instances.iter().enumerate() {
-            for (triangle, luminance) in self.0.get(&instance.root).into_iter().flatten() {
+            for (triangle, luminance) in self.0.get(&instance.used()).into_iter().flatten() {
                 let shape = shape(scene, state, *triangle);
                 let weight = f64::from(*luminance) * area(shape, instance);
                 if weight > 0.0 {
@@ -109,18 +111,6 @@ fn center(shape: TriangleGeometry, instance: &Instance) -> DVec3 {
     DVec3::from_array(instance.object_to_world.map(|row| Vec4::from(row).as_dvec4().dot(middle)))
 }
 
-fn triangles_below(scene: &PackedScene, root: u32) -> Vec<u32> {
-    let mut found = Vec::new();
-    for node in &scene.nodes[root as usize..] {
-        found.extend(bvh::leaf(node));
-        if node.leaf != 0 && node.next == NONE {
-            break; // the last of this tree
-        }
-    }
-    found.sort_unstable();
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,6 +130,7 @@ mod tests {
                 .map(|(_, radiance)| PackedMaterial { emissive: Vec3::splat(*radiance), ..Default::default() })
                 .collect(),
             nodes: vec![BvhNode { min: Vec3::ZERO, max: Vec3::ONE, leaf: count, next: u32::MAX }],
+            uses: [((0, 0), 1)].into(),
             ..Default::default()
         };
         let mut instance = Instance::default();

@@ -6,7 +6,8 @@ use super::{
     file::{self, ObjectSource, ObjectSpec, SceneFile},
     gltf,
     material::Material,
-    model::Model,
+    material_override::Copies,
+    model::{Mesh, Model},
     placing,
     plausible::swallowing,
     state::{Object, Scene},
@@ -220,18 +221,21 @@ fn assemble(
     Ok(scene)
 }
 
-/// Loads each glTF file once.
+/// Loads each glTF file once. Objects share meshes and textures that are the same.
 struct Loader<'a> {
     scene: &'a Path,
     models: HashMap<(PathBuf, Option<String>), Arc<Model>>,
     /// By source and material.
     alike: HashMap<String, Arc<Model>>,
+    shapes: HashMap<(usize, [u32; 3]), Arc<Mesh>>,
+    copies: Copies,
     warnings: Vec<String>,
 }
 
 impl<'a> Loader<'a> {
     fn new(scene: &'a Path) -> Self {
-        Self { scene, models: HashMap::new(), alike: HashMap::new(), warnings: Vec::new() }
+        let (models, alike, shapes) = Default::default();
+        Self { scene, models, alike, shapes, copies: Copies::default(), warnings: Vec::new() }
     }
 
     fn object(&mut self, spec: &ObjectSpec) -> Result<Object> {
@@ -288,12 +292,14 @@ impl<'a> Loader<'a> {
             ObjectSource::Shape(shape, size) => {
                 // Grey plastic serves better here than glTF's default, a white metal.
                 let material = Material::plain(&spec.name, Vec3::splat(0.8), 0.5);
-                Arc::new(Model { name: spec.name.clone(), ..Model::from_mesh(shape.mesh(*size), material) })
+                let key = (*shape as usize, size.to_array().map(f32::to_bits));
+                let mesh = self.shapes.entry(key).or_insert_with(|| Arc::new(shape.mesh(*size)));
+                Arc::new(Model { name: spec.name.clone(), ..Model::from_mesh(mesh.clone(), material) })
             }
         };
         if let Some(change) = &spec.material {
             let mut changed = (*model).clone();
-            change.apply(&mut changed.materials, &mut changed.textures);
+            change.apply(&mut changed.materials, &mut changed.textures, &mut self.copies);
             model = Arc::new(changed);
         }
         self.alike.insert(key, model.clone());

@@ -3,6 +3,11 @@
 use super::material::{Material, Slot, Texture};
 use crate::{Error, Result};
 use glam::{Vec3, vec3};
+use std::{collections::HashMap, sync::Arc};
+
+/// What was made of textures, with their source, by it and the channel that is 1. Objects share it.
+#[derive(Default)]
+pub struct Copies(HashMap<(*const Texture, usize), (Arc<Texture>, Arc<Texture>)>);
 
 /// A value of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,8 +136,8 @@ impl MaterialOverride {
         Ok(())
     }
 
-    /// Changes every material of a model.
-    pub fn apply(&self, materials: &mut [Material], textures: &mut Vec<Texture>) {
+    /// Changes every material of a model. `copies` holds what was made of textures for others.
+    pub fn apply(&self, materials: &mut [Material], textures: &mut Vec<Arc<Texture>>, copies: &mut Copies) {
         for material in materials {
             if let Some(color) = self.base_color {
                 material.base_color = color;
@@ -144,8 +149,12 @@ impl MaterialOverride {
                 // The other channel must stay, so a copy of the texture is made in which this one is 1.
                 for (given, channel) in [(self.roughness, 1), (self.metallic, 2)] {
                     if given.is_some() {
-                        let copy = textures[used.texture].with_channel_at_one(channel);
-                        textures.push(copy);
+                        let texture = &textures[used.texture];
+                        let (_, copy) = copies
+                            .0
+                            .entry((Arc::as_ptr(texture), channel))
+                            .or_insert_with(|| (texture.clone(), Arc::new(texture.with_channel_at_one(channel))));
+                        textures.push(copy.clone());
                         used.texture = textures.len() - 1;
                     }
                 }

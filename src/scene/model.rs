@@ -71,9 +71,10 @@ pub struct Node {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     pub name: String,
-    pub meshes: Vec<Mesh>,
+    /// Models that share a mesh, or a texture, share what is packed of it.
+    pub meshes: Vec<Arc<Mesh>>,
     pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
+    pub textures: Vec<Arc<Texture>>,
     pub rig: Rig,
     /// Lights without a surface.
     pub lights: Vec<PunctualLight>,
@@ -89,7 +90,8 @@ pub struct Rig {
 
 impl Model {
     /// Makes a model of one mesh with one material, at the origin.
-    pub fn from_mesh(mesh: Mesh, material: Material) -> Self {
+    pub fn from_mesh(mesh: impl Into<Arc<Mesh>>, material: Material) -> Self {
+        let mesh = mesh.into();
         let name = mesh.name.clone();
         let local = Local::Transform(Transform::IDENTITY);
         let node = Node { name: name.clone(), parent: None, local, mesh: Some(0), weights: Vec::new() };
@@ -105,7 +107,7 @@ impl Model {
         let (first_material, first_texture) = (self.materials.len() as u32, self.textures.len());
         let node = self.rig.nodes.len();
         for mut mesh in other.meshes.into_iter().take(1) {
-            mesh.materials.iter_mut().for_each(|material| *material += first_material);
+            Arc::make_mut(&mut mesh).materials.iter_mut().for_each(|material| *material += first_material);
             self.rig.nodes.push(Node {
                 name: other.name.clone(),
                 parent: None,

@@ -2,7 +2,7 @@
 
 use super::{
     bounds::Bounds,
-    packed::{BvhNode, Instance, Mover, NONE, PackedInstances, PackedScene, Punctual},
+    packed::{Instance, Mover, NONE, PackedInstances, PackedScene, Punctual},
 };
 use glam::{Vec3, Vec4};
 use std::collections::HashMap;
@@ -112,7 +112,7 @@ fn mover(
         before: was - centre,
         step: if whole { 2.0 * radius } else { step },
         id: instance.id,
-        glow: brightest(packed, instance.root) / unit.max(1e-20),
+        glow: brightest(packed, instance) / unit.max(1e-20),
     })
 }
 
@@ -147,14 +147,8 @@ fn transform(rows: &[[f32; 4]; 3], point: Vec3) -> Vec3 {
     rows.map(|row| Vec4::from(row).dot(point.extend(1.0))).into()
 }
 
-/// The greatest luminance that a mesh emits.
-fn brightest(packed: &PackedScene, root: u32) -> f32 {
-    let nodes = packed.nodes.get(root as usize..).unwrap_or_default();
-    let end =
-        nodes.iter().position(|node: &BvhNode| node.leaf != 0 && node.next == NONE).map_or(nodes.len(), |n| n + 1);
-    let triangles = nodes[..end].iter().filter(|node| node.leaf != 0);
-    let materials = triangles
-        .flat_map(|node| node.leaf >> 3..(node.leaf >> 3) + (node.leaf & 7))
-        .filter_map(|triangle| packed.materials.get(packed.shading.get(triangle as usize)?.material as usize));
-    materials.map(|material| material.emissive.dot(LUMINANCE)).fold(0.0, f32::max)
+/// The greatest luminance that an instance emits.
+fn brightest(packed: &PackedScene, instance: &Instance) -> f32 {
+    let all = packed.triangles_of(instance.root).map(|triangle| packed.emissive(triangle, instance.first_material));
+    all.map(|emissive| emissive.dot(LUMINANCE)).fold(0.0, f32::max)
 }

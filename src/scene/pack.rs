@@ -11,7 +11,10 @@ use super::{
 };
 use crate::{Error, Result};
 use glam::{Vec3, Vec4};
-use std::sync::Arc;
+use std::{
+    collections::{HashMap, hash_map::Entry},
+    sync::Arc,
+};
 
 /// The most texels of all textures: 128 MiB, the largest storage buffer that every Vulkan device allows.
 /// Beyond it the largest textures lose their finest levels.
@@ -34,9 +37,9 @@ pub struct Packed {
     pub scene: PackedScene,
     /// An entry for each mesh of each model, `None` for a mesh without triangles.
     pub meshes: Vec<Vec<Option<PackedMesh>>>,
-    pub warnings: Vec<String>,
     /// The first material of each model.
-    first_materials: Vec<u32>,
+    pub first_materials: Vec<u32>,
+    pub warnings: Vec<String>,
 }
 
 /// Packs models. Meshes that deform are packed in their rest pose if that is `wanted` of their model.
@@ -45,15 +48,13 @@ pub struct Packed {
 /// Fails if a model does not fit, or if its numbers cannot be used.
 pub fn pack(models: &[(&Model, bool)]) -> Result<Packed> {
     let mut packed = Packed::default();
-    let all: Vec<&Model> = models.iter().map(|(model, _)| *model).collect();
-    let sets: Vec<Vec<TexelSet>> = all.iter().map(|model| texel_sets(model)).collect();
-    let first_levels = fit_textures(&sets.concat(), &mut packed.warnings);
-    let mut first_levels = first_levels.into_iter();
+    let sets: Vec<Vec<TexelSet>> = models.iter().map(|(model, _)| texel_sets(model)).collect();
+    let mut texels = Texels::fit(sets.iter().flatten(), &mut packed.warnings);
+    let mut known_meshes = HashMap::new();
     for ((model, wanted), sets) in models.iter().zip(sets) {
         let scene = &mut packed.scene;
         let first_material = scene.materials.len() as u32;
-        let textures: Vec<packed::PackedTexture> =
-            sets.iter().map(|set| pack_texture(&mut scene.texels, set, first_levels.next().unwrap_or(0))).collect();
+        let textures: Vec<packed::PackedTexture> = sets.iter().map(|set| texels.pack(&mut scene.texels, set)).collect();
         // A texture that lies on surfaces in several ways has an entry for each.
         let mut known: Vec<(TextureUse, usize, u32)> = Vec::new();
         for material in &model.materials {
@@ -82,8 +83,14 @@ pub fn pack(models: &[(&Model, bool)]) -> Result<Packed> {
                 meshes.push(None);
                 continue;
             }
-            let (mesh, _, dropped) = pack_mesh(scene, mesh, first_material);
-            meshes.push(mesh);
+            let one_sided = model.materials.iter().map(|material| material.one_sided).collect::<Vec<_>>();
+            let known = known_meshes.entry((Arc::as_ptr(mesh), one_sided));
+            if let Entry::Occupied(known) = known {
+                meshes.push(*known.get());
+                continue;
+            }
+            let (mesh, _, dropped) = pack_mesh(scene, mesh, &model.materials);
+            meshes.push(*known.or_insert(mesh));
             if dropped > 0 {
                 packed.warnings.push(format!("{}: {dropped} triangles without area were left out", model.name));
             }
@@ -105,21 +112,16 @@ impl Packed {
         Ok(())
     }
 
-    /// Packs a mesh that deforms, for one placement alone. `number` is that of its model.
+    /// Packs a mesh that deforms, for one placement alone.
     ///
     /// # Errors
     /// Fails if it does not fit.
-    pub fn deforming(
-        &mut self,
-        number: usize,
-        model: &Model,
-        mesh: usize,
-    ) -> Result<Option<(PackedMesh, Arc<deform::Placed>)>> {
+    pub fn deforming(&mut self, model: &Model, mesh: usize) -> Result<Option<(PackedMesh, Arc<deform::Placed>)>> {
         let scene = &mut self.scene;
         let first = [scene.triangles.len() as u32, scene.vertices.len() as u32];
-        let (packed, corners, _) = pack_mesh(scene, &model.meshes[mesh], self.first_materials[number]);
+        let (packed, corners, _) = pack_mesh(scene, &model.meshes[mesh], &model.materials);
         let Some(packed) = packed else { return Ok(None) };
-        let from = (mesh, &model.meshes[mesh], &model.rig);
+        let from = (mesh, &*model.meshes[mesh], &model.rig);
         let placed = deform::Placed::new(&self.scene, from, [first[0], first[1], packed.root], corners).map(Arc::new);
         self.scene.deforming.extend(placed.clone());
         self.check_room(model)?;
@@ -130,7 +132,7 @@ impl Packed {
 /// A texture as it is packed: what alpha is in its coarser mip levels differs.
 #[derive(Clone, Copy)]
 struct TexelSet<'a> {
-    texture: &'a Texture,
+    texture: &'a Arc<Texture>,
     /// Its place in the model.
     place: usize,
     /// The value at which alpha is cut, if it is a mask.
@@ -178,24 +180,53 @@ fn texel_sets(model: &Model) -> Vec<TexelSet<'_>> {
     sets
 }
 
-/// Returns the first mip level that is kept of each texture of all models.
-fn fit_textures(sets: &[TexelSet], warnings: &mut Vec<String>) -> Vec<u32> {
-    let textures: Vec<_> = sets.iter().map(|set| set.texture).collect();
-    let cost = |size: [u32; 2], first: u32| -> usize {
-        (first..level_count(size)).map(|level| level_size(size, level)).map(|s| s[0] as usize * s[1] as usize).sum()
-    };
-    let mut levels = vec![0; textures.len()];
-    let mut costs: Vec<usize> = textures.iter().map(|texture| cost(texture.size, 0)).collect();
-    while costs.iter().sum::<usize>() > MAX_TEXELS {
-        let Some(largest) = (0..costs.len()).max_by_key(|i| costs[*i]) else { break };
-        levels[largest] += 1;
-        costs[largest] = cost(textures[largest].size, levels[largest]);
+/// The texels of all models: what is alike is there once.
+struct Texels {
+    sets: HashMap<(*const Texture, Option<u32>), TexelsOf>,
+}
+
+/// The first mip level that is kept of a set, and where it is once it is packed.
+#[derive(Clone, Copy, Default)]
+struct TexelsOf {
+    first_level: u32,
+    packed: Option<packed::PackedTexture>,
+}
+
+impl Texels {
+    fn key(set: &TexelSet) -> (*const Texture, Option<u32>) {
+        (Arc::as_ptr(set.texture), set.mask.map(f32::to_bits))
     }
-    for (texture, level) in textures.iter().zip(&levels).filter(|(_, level)| **level > 0) {
-        let [w, h] = level_size(texture.size, *level);
-        warnings.push(format!("{}: reduced to {w}x{h}, as all textures together exceed 128 MiB", texture.name));
+
+    /// Chooses the first mip level of each texture that is kept.
+    fn fit<'a>(all: impl Iterator<Item = &'a TexelSet<'a>>, warnings: &mut Vec<String>) -> Self {
+        let mut sets = HashMap::new();
+        let distinct = all.filter(|set| sets.insert(Self::key(set), TexelsOf::default()).is_none());
+        let distinct: Vec<&TexelSet> = distinct.collect();
+        let cost = |size: [u32; 2], first: u32| -> usize {
+            let levels = (first..level_count(size)).map(|level| level_size(size, level));
+            levels.map(|size| size[0] as usize * size[1] as usize).sum()
+        };
+        let mut levels = vec![0; distinct.len()];
+        let mut costs: Vec<usize> = distinct.iter().map(|set| cost(set.texture.size, 0)).collect();
+        while costs.iter().sum::<usize>() > MAX_TEXELS {
+            let Some(largest) = (0..costs.len()).max_by_key(|i| costs[*i]) else { break };
+            levels[largest] += 1;
+            costs[largest] = cost(distinct[largest].texture.size, levels[largest]);
+        }
+        for (set, level) in distinct.iter().zip(levels).filter(|(_, level)| *level > 0) {
+            let [w, h] = level_size(set.texture.size, level);
+            let name = &set.texture.name;
+            warnings.push(format!("{name}: reduced to {w}x{h}, as all textures together exceed 128 MiB"));
+            sets.insert(Self::key(set), TexelsOf { first_level: level, packed: None });
+        }
+        Self { sets }
     }
-    levels
+
+    /// Says where the texels of a set are, and adds them if they are not there yet.
+    fn pack(&mut self, texels: &mut Vec<u32>, set: &TexelSet) -> packed::PackedTexture {
+        let known = self.sets.entry(Self::key(set)).or_default();
+        *known.packed.get_or_insert_with(|| pack_texture(texels, set, known.first_level))
+    }
 }
 
 /// Adds the texels of a texture, and says where they are.
@@ -244,7 +275,11 @@ fn pack_color(linear: Vec4) -> u32 {
 }
 
 /// Returns where a mesh has been packed, the corners of its packed triangles, and how many were left out.
-fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Option<PackedMesh>, Vec<[u32; 3]>, usize) {
+fn pack_mesh(
+    scene: &mut PackedScene,
+    mesh: &Mesh,
+    materials: &[Material],
+) -> (Option<PackedMesh>, Vec<[u32; 3]>, usize) {
     let corners = |triangle: &[u32; 3]| triangle.map(|index| mesh.positions[index as usize]);
     let kept: Vec<usize> = (0..mesh.triangles.len())
         .filter(|index| {
@@ -284,7 +319,9 @@ fn pack_mesh(scene: &mut PackedScene, mesh: &Mesh, first_material: u32) -> (Opti
         let triangle = &mesh.triangles[index];
         let [v0, v1, v2] = triangle.map(|vertex| first_vertex + vertex);
         scene.triangles.push(geometry(triangle));
-        scene.shading.push(TriangleShading { v0, v1, v2, material: first_material + mesh.materials[index] });
+        let material = mesh.materials[index];
+        scene.shading.push(TriangleShading { v0, v1, v2, material });
+        scene.one_sided.push(materials[material as usize].one_sided);
     }
     let root = scene.nodes.len() as u32;
     scene.nodes.extend(tree.pack(root, |first| first_triangle + first));

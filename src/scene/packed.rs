@@ -2,12 +2,20 @@
 //! materials, texels. `shaders/glsl/scene.glsl` declares the same structs.
 
 use super::{
+    bvh,
     deform::{self, Pose},
     material::SLOTS,
 };
 use crate::gpu_struct;
 use glam::{Vec2, Vec3};
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
+
+impl Instance {
+    /// Its mesh and its materials, as in [`PackedScene::uses`].
+    pub fn used(&self) -> (u32, u32) {
+        (self.root, self.first_material)
+    }
+}
 
 /// Stands for "none" in texture and node indices.
 pub const NONE: u32 = u32::MAX;
@@ -29,7 +37,8 @@ gpu_struct! {
     pub struct TriangleGeometry { pub v0: Vec3, pub e1: Vec3, pub e2: Vec3 }
 }
 gpu_struct! {
-    /// What shading needs of the same triangle: absolute vertex indices and its material.
+    /// What shading needs of the same triangle: absolute vertex indices, and its material
+    /// among those of the instance's model.
     pub struct TriangleShading { pub v0: u32, pub v1: u32, pub v2: u32, pub material: u32 }
 }
 gpu_struct! {
@@ -66,6 +75,8 @@ gpu_struct! {
         pub previous: u32,
         /// How far one of its vertices has gone by that since the last frame at most, object space.
         pub step: f32,
+        /// The first material of its model.
+        pub first_material: u32,
     }
 }
 gpu_struct! {
@@ -162,7 +173,11 @@ gpu_struct! {
 pub struct PackedScene {
     pub triangles: Vec<TriangleGeometry>,
     pub shading: Vec<TriangleShading>,
+    /// Of each triangle, whether the camera sees its front alone.
+    pub one_sided: Vec<bool>,
     pub vertices: Vec<Vertex>,
+    /// How often each mesh is placed with each model's materials, by its root and the first of these.
+    pub uses: BTreeMap<(u32, u32), usize>,
     /// The bottom-level nodes of all meshes.
     pub nodes: Vec<BvhNode>,
     pub materials: Vec<PackedMaterial>,
@@ -184,4 +199,19 @@ pub struct PackedInstances {
     pub lights: Vec<Punctual>,
     /// What poses [`PackedScene::deforming`], in their order.
     pub poses: Vec<Pose>,
+}
+
+impl PackedScene {
+    /// Returns the triangles of a mesh, given its root.
+    pub fn triangles_of(&self, root: u32) -> impl Iterator<Item = u32> + '_ {
+        let nodes = self.nodes.get(root as usize..).unwrap_or_default();
+        let last = nodes.iter().position(|node| node.leaf != 0 && node.next == NONE);
+        nodes[..last.map_or(nodes.len(), |last| last + 1)].iter().flat_map(bvh::leaf)
+    }
+
+    /// Returns what a triangle emits, without texture, with the materials that begin at `first_material`.
+    pub fn emissive(&self, triangle: u32, first_material: u32) -> Vec3 {
+        let material = self.shading.get(triangle as usize).map(|shading| first_material + shading.material);
+        material.and_then(|material| self.materials.get(material as usize)).map_or(Vec3::ZERO, |m| m.emissive)
+    }
 }

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{Result, panorama::source::PanoramaSource};
 use glam::{Affine3A, Mat4, Vec4};
-use std::{path::PathBuf, sync::Arc};
+use std::{collections::HashMap, path::PathBuf, sync::Arc};
 
 /// A model placed in the world.
 #[derive(Clone, Debug)]
@@ -47,6 +47,7 @@ pub struct Scene {
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     pub object: Object,
+    pub first_material: u32,
     /// Node, its mesh, and the instance's id.
     pub instances: Vec<(usize, PackedMesh, u32)>,
     /// Which of the instances deform.
@@ -131,36 +132,41 @@ impl Scene {
 
 /// Packs objects, and returns one line for each thing that is unusual about them.
 pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec<String>)> {
-    let mut models: Vec<&Arc<Model>> = Vec::new();
+    // Each model, and whether it is ever seen at rest.
+    let mut models: Vec<(&Model, bool)> = Vec::new();
+    let mut numbers = HashMap::new();
     let model_of: Vec<usize> = objects
         .iter()
         .map(|object| {
-            models.iter().position(|model| Arc::ptr_eq(model, &object.model)).unwrap_or_else(|| {
-                models.push(&object.model);
-                models.len() - 1
-            })
+            let number = *numbers.entry(Arc::as_ptr(&object.model)).or_insert(models.len());
+            if number == models.len() {
+                models.push((&object.model, false));
+            }
+            models[number].1 |= !plays(object);
+            number
         })
         .collect();
-    let rests = |model: &Arc<Model>| objects.iter().any(|object| Arc::ptr_eq(&object.model, model) && !plays(object));
-    let mut packed = pack(&models.iter().map(|model| (model.as_ref(), rests(model))).collect::<Vec<_>>())?;
+    let mut packed = pack(&models)?;
     let mut next_id = 1;
     let mut placed = Vec::new();
     for (object, model) in objects.iter().zip(model_of) {
         let (mut instances, mut deforming) = (Vec::new(), Vec::new());
         for (node, mesh) in object.model.rig.nodes.iter().enumerate().filter_map(|(i, n)| Some((i, n.mesh?))) {
             let deforms = plays(object) && object.model.meshes.get(mesh).is_some_and(|mesh| mesh.deform.is_some());
-            let own = if deforms { packed.deforming(model, &object.model, mesh)? } else { None };
+            let own = if deforms { packed.deforming(&object.model, mesh)? } else { None };
             let shared = packed.meshes[model].get(mesh).copied().flatten().filter(|_| !deforms);
             if let Some((_, deform)) = &own {
                 deforming.push((instances.len(), deform.clone()));
             }
             if let Some(mesh) = own.map(|(mesh, _)| mesh).or(shared) {
                 instances.push((node, mesh, next_id));
+                *packed.scene.uses.entry((mesh.root, packed.first_materials[model])).or_default() += 1;
                 next_id += 1;
             }
         }
         let clip = object.clip.filter(|_| plays(object));
-        placed.push(Placed { object: Object { clip, ..object.clone() }, instances, deforming });
+        let first_material = packed.first_materials[model];
+        placed.push(Placed { object: Object { clip, ..object.clone() }, first_material, instances, deforming });
     }
     bvh::check(&packed.scene)?;
     let mut warnings = packed.warnings;
@@ -210,6 +216,7 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
                 id,
                 previous: pose.and(first_deformed).unwrap_or(NONE),
                 step: pose.map_or(0.0, |pose| pose.step),
+                first_material: placed.first_material,
             });
             boxes.push(bounds.transformed(&to_world).padded());
         }

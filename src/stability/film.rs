@@ -126,7 +126,7 @@ impl Film {
             };
             let mut model = Model::from_mesh(mesh, material);
             if let Some(texture) = thing.pattern.texture() {
-                model.textures.push(texture);
+                model.textures.push(Arc::new(texture));
                 for material in &mut model.materials {
                     *material = material.clone().with_texture(Slot::BaseColor, 0);
                 }

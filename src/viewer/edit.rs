@@ -9,7 +9,7 @@ use crate::{
         file::read_scene_file,
         gltf,
         material::Material,
-        material_override::MaterialOverride,
+        material_override::{Copies, MaterialOverride},
         model::Model,
         rooms::Room,
         shapes::Shape,
@@ -291,7 +291,7 @@ impl Editor {
         let Some(object) = objects.get_mut(index) else { return Ok(()) };
         let before = painted.before.clone().unwrap_or_else(|| object.model.clone());
         let mut model = Model::clone(&before);
-        by.apply(&mut model.materials, &mut model.textures);
+        by.apply(&mut model.materials, &mut model.textures, &mut Copies::default());
         object.model = if by == MaterialOverride::default() { before.clone() } else { Arc::new(model) };
         let step = format!("material of {}", object.name);
         let scene = self.now.scene.with_objects(&objects)?;

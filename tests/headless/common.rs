@@ -182,14 +182,14 @@ pub fn moving(object: Object, from: Vec3, to: Vec3) -> Object {
 pub fn growing(at: Vec3) -> Object {
     let mut still = object(Shape::Box.mesh(vec3(0.3, 0.1, 0.3)), lambert(0.6), at);
     let model = Arc::make_mut(&mut still.model);
-    let mesh = &mut model.meshes[0];
+    let mesh = Arc::make_mut(&mut model.meshes[0]);
     let up = mesh.positions.iter().map(|p| if p.y > 0.0 { 0.5 * Vec3::Y } else { Vec3::ZERO }).collect();
     let target = Target { positions: up, normals: vec![] };
     let (positions, normals) = (mesh.positions.clone(), mesh.normals.clone());
     mesh.deform = Some(Arc::new(Deform { positions, normals, targets: vec![target], ..Deform::default() }));
     model.rig.nodes[0].weights = vec![0.0];
     let weights = Weights { node: 0, join: Join::Linear, times: vec![0.0, 1.0], values: vec![0.0, 1.0] };
-    model.rig.clips.push(Clip { weights: vec![weights], hold: true, ..Clip::default() });
+    model.rig.clips.push(Clip { weights: [weights].into(), hold: true, ..Clip::default() });
     Object { clip: Some(0), ..still }
 }
 

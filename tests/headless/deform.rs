@@ -258,8 +258,8 @@ fn shuffled() -> Object {
     let targets = vec![Target { positions: moves, normals: vec![] }];
     mesh.deform = Some(Arc::new(Deform { positions, normals, targets, ..Deform::default() }));
     let weights = Weights { node: 0, join: Join::Linear, times: vec![0.0, 1.0], values: vec![0.0, 1.0] };
-    let mut model = Model { meshes: vec![mesh], ..Model::clone(&still.model) };
-    model.rig.clips = vec![Clip { weights: vec![weights], hold: true, ..Clip::default() }];
+    let mut model = Model { meshes: vec![Arc::new(mesh)], ..Model::clone(&still.model) };
+    model.rig.clips = vec![Clip { weights: [weights].into(), hold: true, ..Clip::default() }];
     Object { model: Arc::new(model), ..still }
 }
 
@@ -296,13 +296,13 @@ fn a_tree_that_has_become_costly_is_built_anew() {
 fn frozen(scene: &Scene, object: &Object, time: f64) -> Object {
     let mut model = Model::clone(&object.model);
     for pose in &scene.at(time, time).instances.poses {
-        let mesh = &mut model.meshes[pose.placed.mesh];
+        let mesh = Arc::make_mut(&mut model.meshes[pose.placed.mesh]);
         let patch = pose.patch();
         mesh.positions = pose.placed.deform.pose(&pose.now).positions;
         mesh.normals = patch.vertices.iter().map(|vertex| vertex.normal).collect();
         mesh.tangents = patch.vertices.iter().map(|vertex| vertex.tangent).collect();
     }
-    model.meshes.iter_mut().for_each(|mesh| mesh.deform = None);
+    model.meshes.iter_mut().for_each(|mesh| Arc::make_mut(mesh).deform = None);
     Object { model: Arc::new(model), ..object.clone() }
 }
 

@@ -244,7 +244,8 @@ fn tangents_that_are_made_are_those_that_a_file_brings() {
     std::fs::write(folder.path("WaterBottle.gltf"), text).expect("writes");
     let corners = |path: &Path| -> Vec<[f32; 4]> {
         let (model, _) = gltf::load(path).expect("loads");
-        let of = |mesh: &Mesh| mesh.triangles.iter().flatten().map(|i| mesh.tangents[*i as usize]).collect::<Vec<_>>();
+        let of =
+            |mesh: &Arc<Mesh>| mesh.triangles.iter().flatten().map(|i| mesh.tangents[*i as usize]).collect::<Vec<_>>();
         model.meshes.iter().flat_map(of).collect()
     };
     let (given, made) = (corners(&given), corners(&folder.path("WaterBottle.gltf")));

@@ -338,3 +338,28 @@ fn scenes_without_nodes_are_all_nodes() {
         assert_eq!(warnings.len(), 1, "{warnings:?}");
     }
 }
+
+#[test]
+fn shapes_that_many_nodes_pose_are_counted_together() {
+    let folder = Folder::with_scene();
+    let scene = "[panorama]\ncolor = \"white.png\"\ndepth = 3\n[[object]]\ngltf = \"posed.gltf\"\n";
+    folder.paint("white.png", |_, _| [255; 3]);
+    folder.write("posed.toml", scene);
+    // A thousand triangles, of which every node has its own, since it poses them by weights of its own.
+    let corner = |vertex: u32| [vertex % 2, (vertex / 3) % 2, 0].map(|n| (n as f32).to_le_bytes());
+    let bytes: Vec<u8> = (0..3000).flat_map(corner).flatten().collect();
+    let buffer = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes));
+    let posed = |count: usize| {
+        let nodes = vec![r#"{"mesh":0,"weights":[0.5]}"#; count].join(",");
+        let all = (0..count).map(|node| node.to_string()).collect::<Vec<_>>().join(",");
+        let base = triangle(&buffer, r#""count":3000"#, r#","targets":[{"POSITION":0}]"#)
+            .replace(r#""scenes":[{"nodes":[0]}]"#, &format!(r#""scenes":[{{"nodes":[{all}]}}]"#))
+            .replace(r#""nodes":[{"mesh":0}]"#, &format!(r#""nodes":[{nodes}]"#))
+            .replace(r#""byteLength":36"#, r#""byteLength":36000"#);
+        folder.write("posed.gltf", &format!(r#"{{"asset":{{"version":"2.0"}},{base}}}"#));
+    };
+    posed(10);
+    folder.succeeds("check posed.toml --memory 100M");
+    posed(2000);
+    folder.fails("check posed.toml --memory 100M", &["posed.gltf", "would take", "--memory"]);
+}

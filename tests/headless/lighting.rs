@@ -154,7 +154,7 @@ fn a_mirror_shows_the_side_that_the_camera_does_not_see() {
         let mut lantern = object(mesh(vec3(0.4, 0.4, 0.4)), lambert(0.0), vec3(-0.5, 0.0, -1.4));
         let mut model = Model::clone(&lantern.model);
         model.materials.push(Material { emissive: vec3(0.0, 7.0, 0.0), ..lambert(0.0) });
-        let box_mesh = &mut model.meshes[0];
+        let box_mesh = std::sync::Arc::make_mut(&mut model.meshes[0]);
         for (triangle, material) in box_mesh.triangles.iter().zip(&mut box_mesh.materials) {
             *material = u32::from(triangle.iter().all(|v| box_mesh.positions[*v as usize].z < 0.0));
         }

@@ -35,7 +35,7 @@ fn checkered_tile() -> Object {
     let mut material = Material { emissive: Vec3::ONE, ..lambert(0.0) };
     material.textures[Slot::Emissive as usize] = Some(TextureUse::plain(0));
     let tile = object(Shape::Plane.mesh(vec3(8.0, 0.0, 8.0)), material, vec3(0.0, -1.2, -3.0));
-    let model = Model { textures: vec![texture], ..(*tile.model).clone() };
+    let model = Model { textures: vec![Arc::new(texture)], ..(*tile.model).clone() };
     Object { model: Arc::new(model), ..tile }
 }
 

@@ -4,7 +4,7 @@ const uint NONE = 0xffffffffu; // no instance, no texture
 
 struct TriangleShading { uint v0; uint v1; uint v2; uint material; };
 struct Vertex { vec3 normal; vec2 uv; vec4 tangent; uint color; vec2 uv2; };
-struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint previous; float step; };
+struct Instance { vec4 object_to_world[3]; vec4 world_to_object[3]; vec4 previous_object_to_world[3]; uint root; uint id; uint previous; float step; uint first_material; };
 struct Mover { vec3 now; float radius; vec3 before; float step; uint id; float glow; };
 // The textures of a material (`Slot` in scene/material.rs).
 const uint SLOTS = 15u;

@@ -125,9 +125,12 @@ pub(super) fn elements(file: &File, index: usize, user: &str) -> Read<Elements> 
     let size = components * component.size();
     // As they are stored, and as numbers.
     let most = accessor.index("count").unwrap_or(0) as u64;
-    if let Some(problem) = budget::refusal(most.saturating_mul(size as u64 + 4 * components as u64)) {
+    let numbers = most.saturating_mul(4 * components as u64);
+    let bytes = most.saturating_mul(size as u64).saturating_add(numbers).saturating_add(file.read.get());
+    if let Some(problem) = budget::refusal(bytes) {
         return Err(Fault { problem: format!("{user}: {problem}"), remedy: budget::REMEDY.into() });
     }
+    file.read.set(file.read.get() + numbers);
     let Some(count) = accessor.index("count") else { return Err(fault(format!("{user}: has no count"))) };
     let mut bytes = match accessor.index("bufferView") {
         Some(_) => gather(file, accessor, count, size, user)?,

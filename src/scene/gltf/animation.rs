@@ -8,7 +8,7 @@ use glam::Vec4;
 pub(super) fn load(file: &File, place: &[Option<usize>]) -> Vec<Clip> {
     let mut clips = Vec::new();
     for (index, animation) in file.root.list("animations").enumerate() {
-        let mut clip = Clip { name: animation.name_or(index), ..Clip::default() };
+        let (mut channels, mut moved_weights) = (Vec::new(), Vec::new());
         for (number, channel) in animation.list("channels").enumerate() {
             let target = channel.get("target");
             // A channel without a node is for extensions, and one of a node that is not drawn moves nothing.
@@ -20,7 +20,7 @@ pub(super) fn load(file: &File, place: &[Option<usize>]) -> Vec<Clip> {
                 Some("scale") => Property::Scale,
                 Some("weights") => {
                     match weights(file, animation, channel, node, &user) {
-                        Ok(weights) => clip.weights.push(weights),
+                        Ok(weights) => moved_weights.push(weights),
                         Err(fault) => file.left_out(fault),
                     }
                     continue;
@@ -31,11 +31,12 @@ pub(super) fn load(file: &File, place: &[Option<usize>]) -> Vec<Clip> {
                 }
             };
             match read(file, animation, channel, (node, property), &user) {
-                Ok(channel) => clip.channels.push(channel),
+                Ok(channel) => channels.push(channel),
                 Err(fault) => file.left_out(fault),
             }
         }
-        clips.push(clip);
+        let (channels, weights) = (channels.into(), moved_weights.into());
+        clips.push(Clip { name: animation.name_or(index), channels, weights, ..Clip::default() });
     }
     clips
 }

@@ -327,7 +327,7 @@ impl Writer {
     fn animations(&mut self, model: &Model) {
         for clip in model.rig.clips.iter().filter(|clip| !clip.channels.is_empty()) {
             let (mut channels, mut samplers) = (Vec::new(), Vec::new());
-            for channel in &clip.channels {
+            for channel in clip.channels.iter() {
                 let times = &channel.times;
                 let ends = [times.first(), times.last()].map(|time| json!([time]));
                 let bytes = bytemuck::cast_slice(times);

@@ -11,6 +11,7 @@ use crate::{
 };
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The factors of the extension.
 pub(super) struct Gloss {
@@ -97,8 +98,8 @@ impl Gloss {
 
 /// Adds a texture to the model, unless it has the same.
 fn place(model: &mut Model, texture: Texture) -> usize {
-    model.textures.iter().position(|known| *known == texture).unwrap_or_else(|| {
-        model.textures.push(texture);
+    model.textures.iter().position(|known| **known == texture).unwrap_or_else(|| {
+        model.textures.push(Arc::new(texture));
         model.textures.len() - 1
     })
 }

@@ -31,6 +31,7 @@ use std::{
     cell::{Cell, OnceCell, RefCell},
     collections::BTreeMap,
     path::Path,
+    sync::Arc,
 };
 
 /// Loads a `.gltf` or `.glb` file. The warnings name what was left out.
@@ -130,6 +131,8 @@ struct File<'a> {
     /// Elements of accessors without a buffer so far: of those that are all zero, and of sparse ones.
     zeros: Cell<usize>,
     sparse: Cell<usize>,
+    /// Bytes of all numbers read so far: each shape of a mesh that several nodes pose reads its own.
+    read: Cell<u64>,
     /// The first fault for which a shape was left out.
     lost: RefCell<Option<Fault>>,
 }
@@ -156,6 +159,7 @@ impl<'a> File<'a> {
             variant: None,
             zeros: Cell::new(0),
             sparse: Cell::new(0),
+            read: Cell::new(0),
             lost: RefCell::default(),
         };
         if version.is_none() {
@@ -274,7 +278,7 @@ impl<'a> File<'a> {
                     let skin = skin.and_then(|skin| skin.map_err(|fault| self.left_out(fault)).ok());
                     let motion = mesh::Motion { skin, weights_of: node.place };
                     let loaded = mesh::load(self, mesh, motion, &mut materials, &mut model)?;
-                    model.meshes.push(loaded);
+                    model.meshes.push(Arc::new(loaded));
                     meshes.insert(key, model.meshes.len() - 1);
                     model.meshes.len() - 1
                 }

@@ -7,7 +7,7 @@ use crate::scene::{
     model::Model,
 };
 use glam::{Affine2, Mat2, Vec2};
-use std::collections::HashMap;
+use std::{collections::HashMap, sync::Arc};
 
 /// A texture that a material names: its number, the set of coordinates in the file, and how it lies on them.
 #[derive(Clone, Copy)]
@@ -94,7 +94,7 @@ impl Textures {
             wrap: [wrap("wrapS"), wrap("wrapT")],
             nearest: sampler.index("magFilter") == Some(9728),
         };
-        let alike = |t: &Texture| {
+        let alike = |t: &Arc<Texture>| {
             (&t.name, t.encoding, t.wrap, t.nearest) == (&texture.name, texture.encoding, texture.wrap, texture.nearest)
         };
         if let Some(place) = model.textures.iter().position(alike) {
@@ -107,21 +107,24 @@ impl Textures {
 
     /// Adds a texture to those of a model. If all together are too many texels, all are halved.
     fn add(&mut self, file: &File, texture: Texture, model: &mut Model) {
-        model.textures.push(texture);
-        (0..self.halved).for_each(|_| halve(model.textures.last_mut()));
+        model.textures.push(Arc::new(texture));
+        (0..self.halved).for_each(|_| model.textures.last_mut().map_or((), halve));
         while model.textures.iter().map(|texture| texture.texels.len()).sum::<usize>() > MOST {
             if self.halved == 0 {
                 file.warn("textures", "all together exceed 256 MiB: all are reduced");
             }
             self.halved += 1;
-            model.textures.iter_mut().for_each(|texture| halve(Some(texture)));
+            model.textures.iter_mut().for_each(halve);
         }
     }
 }
 
 /// Takes the next coarser mip level of a texture instead of it.
-fn halve(texture: Option<&mut Texture>) {
-    let Some(texture) = texture.filter(|texture| texture.size != [1, 1]) else { return };
+fn halve(texture: &mut Arc<Texture>) {
+    if texture.size == [1, 1] {
+        return;
+    }
+    let texture = Arc::make_mut(texture);
     let texels = with_mips(texture, 1, None);
     texture.size = level_size(texture.size, 1);
     let count = texture.size[0] as usize * texture.size[1] as usize;

@@ -76,7 +76,7 @@ fn swinging(room: Builder, screen: Builder) -> Model {
         times: (0..=count).map(|frame| (f64::from(frame) / VIDEO.fps) as f32).collect(),
         values: (0..=count).map(|frame| rotation(frame % count)).collect(),
     };
-    model.rig.clips.push(Clip { name: "swing".into(), channels: vec![rotations], ..Clip::default() });
+    model.rig.clips.push(Clip { name: "swing".into(), channels: [rotations].into(), ..Clip::default() });
     model
 }
 

@@ -4,8 +4,11 @@
 use crate::scene::material::{Material, Slot, Texture};
 use crate::scene::model::{Mesh, Model};
 use glam::{Affine3A, Mat3, Vec2, Vec3, vec2, vec3};
-use std::collections::HashMap;
-use std::f32::consts::{FRAC_PI_4, TAU};
+use std::{
+    collections::HashMap,
+    f32::consts::{FRAC_PI_4, TAU},
+    sync::Arc,
+};
 
 /// Returns an integer hash of three coordinates, uniform in 0..1.
 pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
@@ -346,7 +349,7 @@ pub fn lambert(name: &str, base_color: Vec3) -> Material {
 pub struct Builder {
     mesh: Mesh,
     materials: Vec<Material>,
-    textures: Vec<Texture>,
+    textures: Vec<Arc<Texture>>,
 }
 
 impl Builder {
@@ -364,7 +367,7 @@ impl Builder {
     /// Adds `material` coloured by a texture.
     pub fn textured(&mut self, material: Material, texture: Texture) -> u32 {
         let place = self.textures.len();
-        self.textures.push(Texture { name: material.name.clone(), ..texture });
+        self.textures.push(Arc::new(Texture { name: material.name.clone(), ..texture }));
         self.material(Material { base_color: Vec3::ONE, ..material }.with_texture(Slot::BaseColor, place))
     }
 

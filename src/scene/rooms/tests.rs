@@ -5,7 +5,7 @@ use super::{NAMES, Room, by_name};
 use crate::scene::model::Mesh;
 use glam::{Vec3, Vec3A};
 use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2_from_tris, ray::Ray, ray::RayHit, triangle::Triangle};
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 fn rooms() -> Vec<Room> {
     NAMES.iter().map(|name| by_name(name).expect("a built-in room")).collect()
@@ -103,7 +103,7 @@ fn meshes_are_well_formed() {
                 }
             }
         }
-        let count = |mesh: &Mesh| mesh.triangles.len();
+        let count = |mesh: &Arc<Mesh>| mesh.triangles.len();
         let real: usize = room.model.meshes.iter().map(count).sum();
         let inserted: usize = room.objects.iter().map(|o| count(&o.model.meshes[0])).sum();
         println!("{}: {real} triangles, its {} objects {inserted}", room.name, room.objects.len());
