@@ -64,7 +64,7 @@ impl PipelineCache {
             && data != self.loaded
             && let Err(error) = if data.len() <= LARGEST { store(file, &data) } else { fs::remove_file(file) }
         {
-            tracing::debug!("{}: the pipelines cannot be kept: {error}", file.display());
+            tracing::warn!("{}: pipelines are not kept, and are compiled again next time: {error}", file.display());
         }
     }
 }

@@ -5,6 +5,7 @@ mod arrays;
 pub mod checked;
 pub mod color_space;
 pub mod exr_file;
+mod jpeg;
 pub mod layers;
 mod placement;
 mod png_chunks;

@@ -4,6 +4,7 @@ use super::{
     arrays,
     color_space::ColorSpace,
     exr_file::{self, Exr},
+    jpeg::{self, Extent},
     layers::Taken,
     placement::{self, Placement},
     png_chunks, radiance,
@@ -250,6 +251,24 @@ fn damaged(error: image::ImageError, subject: &str) -> Error {
     Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
 }
 
+/// Says if a JPEG is cut off.
+fn check_jpeg(mut reader: impl BufRead + Seek, subject: &str) -> Result<Option<String>> {
+    let size = ImageReader::with_format(&mut reader, ImageFormat::Jpeg).into_dimensions();
+    let (width, height) = size.map_err(|error| damaged(error, subject))?;
+    let _ = reader.rewind();
+    let extent = jpeg::extent(&mut reader, [width, height]);
+    let _ = reader.rewind();
+    let problem = "ends early: some of its pixels are missing, and are grey or black";
+    match extent {
+        Extent::Whole => Ok(None),
+        Extent::Cut => Ok(Some(problem.to_owned())),
+        Extent::Bare => {
+            let problem = format!("ends early: it is too short for {width}x{height} pixels");
+            Err(Error::input(subject, problem, "write it again"))
+        }
+    }
+}
+
 /// Reads the header of a PNG, JPEG, WebP or TIFF.
 pub(super) fn head<'a>(
     mut reader: impl BufRead + Seek + 'a,
@@ -258,6 +277,10 @@ pub(super) fn head<'a>(
 ) -> Result<(Box<dyn ImageDecoder + 'a>, Head)> {
     let chunks = if format == ImageFormat::Png { png_chunks::color_space(&mut reader) } else { None };
     let _ = reader.rewind(); // a file that cannot be rewound cannot be decoded
+    let mut notes = Vec::new();
+    if format == ImageFormat::Jpeg {
+        notes.extend(check_jpeg(&mut reader, subject)?);
+    }
     let mut limits = Limits::default();
     // A profile is compressed, too.
     limits.max_alloc = Some((MAX_PIXELS * 16).min(budget::limit()));
@@ -271,7 +294,6 @@ pub(super) fn head<'a>(
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let profile = decoder.icc_profile().ok().flatten();
     let xmp = decoder.xmp_metadata().ok().flatten();
-    let mut notes = Vec::new();
     let color = chunks.or_else(|| match profile.as_deref().map(ColorSpace::of_icc)? {
         None => {
             notes.push("its colour profile cannot be used: sRGB is taken".to_owned());

@@ -323,8 +323,10 @@ fn read_object(fields: &FieldTable) -> Option<ObjectSpec> {
         _ => return None,
     };
     let default_name = || match &source {
-        ObjectSource::Gltf(path) => {
-            path.file_stem().map_or("object".into(), |stem| stem.to_string_lossy().into_owned())
+        // As it is written: values of $NAME are nobody's business.
+        ObjectSource::Gltf(_) => {
+            let stem = fields.string("gltf").and_then(|text| Path::new(text).file_stem());
+            stem.map_or("object".into(), |stem| stem.to_string_lossy().into_owned())
         }
         ObjectSource::Shape(shape, _) => Shape::NAMES[*shape as usize].to_owned(),
     };
