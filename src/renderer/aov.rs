@@ -16,6 +16,15 @@ use crate::{
 };
 use half::{bf16, f16};
 
+/// What the two lights are that an image packs, by surface: E_R and ΔE of real ones, the Lambert lobe and all others of
+/// virtual ones.
+const LIGHTS: [(&str, u32, Values); 4] = [
+    ("irradiance_real", REAL, Values::A),
+    ("change_real", REAL, Values::B),
+    ("diffuse_virtual", VIRTUAL, Values::A),
+    ("rest_virtual", VIRTUAL, Values::B),
+];
+
 impl Renderer {
     /// The picture as linear radiance, RGBA, row 0 at the top.
     pub fn picture(&self) -> Result<Vec<[f32; 4]>> {
@@ -66,20 +75,19 @@ impl Renderer {
                 .map(|(suffix, layer)| (format!("{name}_{suffix}"), ("guide", layer, values)))
         });
         // other images say what these hold, in other words
-        let own =
-            images.filter(|(name, _)| !["guide", "past", "motion", "a", "b"].contains(name)).flat_map(|&(name, _)| {
-                let lights: &[_] = match () {
-                    () if is_packed(name) => &[("_a", Values::A), ("_b", Values::B)],
-                    () if is_color(name) => &[("", Values::Color)],
-                    () => &[("", Values::Floats)],
-                };
+        let own = images.filter(|(name, _)| !["guide", "past", "motion", "a", "b"].contains(name));
+        let own = own.flat_map(|&(name, _)| match () {
+            () if is_packed(name) => LIGHTS
+                .iter()
+                .map(|&(light, layer, values)| (format!("{name}_{light}"), (name, layer, values)))
+                .collect::<Vec<_>>(),
+            () => {
+                let values = if is_color(name) { Values::Color } else { Values::Floats };
                 let layers: &[_] =
                     if of_surfaces(name) { &[("_real", REAL), ("_virtual", VIRTUAL)] } else { &[("", 0)] };
-                let named = |(light, values): (&str, Values), (suffix, layer): (&str, u32)| {
-                    (format!("{name}{light}{suffix}"), (name, layer, values))
-                };
-                lights.iter().flat_map(|light| layers.iter().map(|layer| named(*light, *layer))).collect::<Vec<_>>()
-            });
+                layers.iter().map(|(suffix, layer)| (format!("{name}{suffix}"), (name, *layer, values))).collect()
+            }
+        });
         geometry.chain(own)
     }
 

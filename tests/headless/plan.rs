@@ -351,7 +351,7 @@ fn what_is_left_out_is_named_where_it_is_asked_for() {
             ("radiance_specular", ["specular is off: all materials are pure Lambert", "--set specular=on"]),
             ("a_virtual_", ["there is no image", "a_virtual"]),
             ("emission", ["emission is off: nothing shines", "--set emission=on"]),
-            ("accumulated_b_virtual", ["specular is off", "--set objects=on --set specular=on"]),
+            ("accumulated_rest_virtual", ["specular is off", "--set objects=on --set specular=on"]),
         ] {
             let error = renderer.aov(name).expect_err("left out").to_string();
             assert!(words.iter().all(|word| error.contains(word)), "{error}");
@@ -361,7 +361,8 @@ fn what_is_left_out_is_named_where_it_is_asked_for() {
             aov(&renderer, &name);
         }
         let empty = RenderOptions { without_objects: true, ..case.options.clone() };
-        let error = rendered(gpu, &case.scene, empty, 1).aov("accumulated_a_real").expect_err("left out").to_string();
+        let error =
+            rendered(gpu, &case.scene, empty, 1).aov("accumulated_irradiance_real").expect_err("left out").to_string();
         assert!(error.contains("objects is off: 0 meshes are inserted"), "{error}");
     });
 }

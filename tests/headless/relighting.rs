@@ -192,7 +192,7 @@ fn paths_that_are_found_rarely_leave_no_specks() {
             let set = [("path_limit", limit), ("relight_width", "32"), ("despeckle", "false")];
             let options = RenderOptions { size: [64, 48], ..options(Method::Iprt, &set) };
             let renderer = rendered(gpu, &scene, options, frames);
-            let images = ["radiance", "accumulated_b_real", "real_coverage"];
+            let images = ["radiance", "accumulated_change_real", "real_coverage"];
             let [picture, change, coverage] = images.map(|name| aov(&renderer, name));
             let real: Vec<usize> = (64..picture.len() - 64).filter(|i| coverage[*i][0] == 1.0).collect();
             let apart = |i: &usize| {
