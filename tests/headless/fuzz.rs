@@ -2,11 +2,12 @@
 //! file. The corpus is `tests/corpus`. A short run with fixed seeds is part of the tests; `IPRT_FUZZ_SECONDS` makes it
 //! longer, with other seeds (`make fuzz`). An input that fails is kept and named.
 
+use crate::memory;
 use glam::Vec3;
 use iprt::{
     Error, Result,
     image_file::read,
-    panorama::pattern::Pattern,
+    panorama::{pattern::Pattern, source::PanoramaSource},
     scene::{Scene, file::read_scene_file, gltf},
 };
 use std::{
@@ -22,13 +23,33 @@ struct Target {
     name: &'static str,
     /// The extensions of its part of the corpus.
     seeds: &'static [&'static str],
+    /// How many inputs a short run has.
+    count: u64,
     read: fn(&[u8], &Path) -> Result<()>,
 }
 
-const TARGETS: [Target; 5] = [
+/// What a file may take while it is read, and how much more of it than it asked for a reader may have at a time.
+const ALLOWED: u64 = 256 << 20;
+const SLACK: u64 = 64 << 20;
+
+/// Reads the first frame of a panorama, a row after the other where it can be, and by `ffmpeg` what it alone can read.
+fn first_frame(bytes: &[u8], folder: &Path) -> Result<()> {
+    std::fs::write(folder.join("input"), bytes).expect("writes");
+    std::fs::write(folder.join("scene.toml"), "[panorama]\ncolor = \"input\"\ndepth = 3\n").expect("writes");
+    let file = read_scene_file(&folder.join("scene.toml")).map_err(|mut problems| problems.remove(0))?;
+    let frame = PanoramaSource::open(file.panorama)?.load(0)?;
+    assert_eq!(frame.radiance.len() as u64, u64::from(frame.color_size[0]) * u64::from(frame.color_size[1]));
+    assert!(frame.radiance.to_vec().iter().flatten().all(|value| value.is_finite()));
+    Ok(())
+}
+
+const TARGETS: [Target; 7] = [
+    Target { name: "panorama", seeds: &["png", "jpg", "webp", "tiff", "hdr", "exr"], count: 300, read: first_frame },
+    Target { name: "video", seeds: &["mkv", "avif"], count: 40, read: first_frame },
     Target {
         name: "image",
         seeds: &["png", "jpg", "webp", "tiff", "hdr", "exr", "pfm", "npy"],
+        count: 600,
         read: |bytes, _| {
             let image = read::decode(bytes, "input")?;
             let color = image.into_color("input")?;
@@ -40,6 +61,7 @@ const TARGETS: [Target; 5] = [
     Target {
         name: "depth",
         seeds: &["png", "tiff", "exr", "pfm", "npy", "npz", "dpt"],
+        count: 600,
         read: |bytes, _| {
             let codes = read::decode(bytes, "input")?.into_codes("input")?;
             assert_eq!(codes.codes.len() as u64, u64::from(codes.size[0]) * u64::from(codes.size[1]));
@@ -52,6 +74,7 @@ const TARGETS: [Target; 5] = [
     Target {
         name: "gltf",
         seeds: &["glb", "gltf"],
+        count: 600,
         read: |bytes, folder| {
             let path = folder.join("input.gltf");
             std::fs::write(&path, bytes).expect("writes");
@@ -68,6 +91,7 @@ const TARGETS: [Target; 5] = [
     Target {
         name: "scene",
         seeds: &["toml"],
+        count: 600,
         read: |bytes, folder| {
             let path = folder.join("input.toml");
             std::fs::write(&path, bytes).expect("writes");
@@ -85,6 +109,7 @@ const TARGETS: [Target; 5] = [
     Target {
         name: "pattern",
         seeds: &["names"],
+        count: 600,
         read: |bytes, _| {
             let name = String::from_utf8_lossy(bytes).into_owned();
             let pattern = Pattern::parse(Path::new(&name))?;
@@ -183,7 +208,11 @@ fn feed(target: &Target, first_seed: u64, read: &Reader, enough: &dyn Fn(u64) ->
             None => mutate(&mut fastrand::Rng::with_seed(seed), &seeds),
         };
         let start = Instant::now();
-        let why = match catch_unwind(AssertUnwindSafe(|| read(&bytes, folder.path()))) {
+        let held = memory::held();
+        let answer = catch_unwind(AssertUnwindSafe(|| read(&bytes, folder.path())));
+        let taken = memory::most_since(held);
+        let why = match answer {
+            _ if taken > ALLOWED + SLACK => format!("takes {} MiB", taken >> 20),
             Ok(answer) if start.elapsed() > Duration::from_secs(60) => format!("takes a minute: {answer:?}"),
             Ok(Ok(())) => {
                 accepted += 1;
@@ -204,14 +233,14 @@ fn feed(target: &Target, first_seed: u64, read: &Reader, enough: &dyn Fn(u64) ->
 }
 
 fn fuzz(name: &str) {
-    iprt::budget::set(256 << 20);
+    iprt::budget::set(ALLOWED);
     let target = TARGETS.iter().find(|target| target.name == name).expect("a target");
     let seconds: Option<u64> = std::env::var("IPRT_FUZZ_SECONDS").ok().map(|text| text.parse().expect("seconds"));
     let start = Instant::now();
     let first = seconds.map_or(1, |_| fastrand::u64(..u64::MAX / 2));
     let enough = |count: u64| match seconds {
         Some(seconds) => start.elapsed() > Duration::from_secs(seconds),
-        None => count >= 600,
+        None => count >= target.count,
     };
     let (found, accepted) = feed(target, first, &target.read, &enough);
     if let Some(Found { seed, bytes, why }) = found {
@@ -220,6 +249,16 @@ fn fuzz(name: &str) {
         panic!("{name}: seed {seed} {why}; it is kept as {}", kept.display());
     }
     assert!(accepted >= corpus(target).len() as u64 / 2, "{name}: {accepted} inputs were read");
+}
+
+#[test]
+fn panorama_is_survived() {
+    fuzz("panorama");
+}
+
+#[test]
+fn video_is_survived() {
+    fuzz("video");
 }
 
 #[test]
@@ -251,7 +290,30 @@ fn pattern_is_survived() {
 #[test]
 fn each_target_finds_its_planted_bug() {
     let word = |bytes: &[u8], at: usize| bytes.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
-    let bugs: [(&str, Box<Reader>); 5] = [
+    let bugs: [(&str, Box<Reader>); 7] = [
+        // What a header says is allocated, whatever is behind it.
+        (
+            "panorama",
+            Box::new(move |bytes, _| {
+                if let (Some(b"\x89PNG"), Some(width), Some(height)) =
+                    (bytes.get(..4), word(bytes, 16), word(bytes, 20))
+                {
+                    let size = u64::from(width) * u64::from(height) * 4;
+                    std::hint::black_box(Vec::<u8>::with_capacity(size.min(1 << 32) as usize));
+                }
+                Ok(())
+            }),
+        ),
+        // A container's box is as long as it says.
+        (
+            "video",
+            Box::new(move |bytes, _| {
+                if bytes.get(4..8) == Some(b"ftyp") {
+                    assert!(word(bytes, 0).is_some_and(|length| (length as usize) < bytes.len()), "planted");
+                }
+                Ok(())
+            }),
+        ),
         // The size of an image is multiplied as it is stored.
         (
             "image",

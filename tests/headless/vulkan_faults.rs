@@ -52,6 +52,19 @@ const WINDOW_SAMPLE: [&str; 6] = [
     "vkCreateSemaphore",
 ];
 
+/// What calls may answer besides what the layer usually lets them answer: out of host or device memory, a timeout, results
+/// that are not there yet, and of windows a picture chain that is out of date or a surface that is lost.
+const OTHER_ANSWERS: [(&str, &[i32]); 8] = [
+    ("vkWaitForFences", &[-1, 2, -4]),
+    ("vkQueueSubmit2", &[-1, -2]),
+    ("vkDeviceWaitIdle", &[-1]),
+    ("vkGetQueryPoolResults", &[-1, 1]),
+    ("vkAllocateMemory", &[-1]),
+    ("vkCreateComputePipelines", &[-1]),
+    ("vkAcquireNextImageKHR", &[-1_000_001_004, -1_000_000_000, -1]),
+    ("vkQueuePresentKHR", &[-1_000_001_004, -1_000_000_000, -1]),
+];
+
 impl Tried<'_> {
     fn run(&self, variables: &[(&str, &str)]) -> Output {
         let mut command = self.folder.command();
@@ -108,13 +121,17 @@ impl Tried<'_> {
                 (false, Some(sample)) if !sample.contains(name) => &[],
                 (false, _) => &ends[..places.len().min(2)],
             };
-            for at in chosen {
+            let others = OTHER_ANSWERS.iter().find(|(call, _)| call == name).map_or(&[][..], |(_, answers)| *answers);
+            let answers = || [None].into_iter().chain(others.iter().map(|answer| Some(answer.to_string())));
+            for (at, result) in chosen.iter().flat_map(|at| answers().map(move |answer| (at, answer))) {
                 self.remove();
                 let number = at.to_string();
-                let output = self.run(&[("FAULT_AT", &number)]);
+                let mut variables = vec![("FAULT_AT", &number[..])];
+                variables.extend(result.as_deref().map(|result| ("FAULT_RESULT", result)));
+                let output = self.run(&variables);
                 let stderr = String::from_utf8_lossy(&output.stderr);
                 let what = format!(
-                    "iprt {}, {name}, call {at} of {}: {:?}: {stderr}",
+                    "iprt {}, {name}, call {at} of {} with {variables:?}: {:?}: {stderr}",
                     self.arguments,
                     calls.len(),
                     output.status
