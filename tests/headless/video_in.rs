@@ -268,7 +268,7 @@ fn depth_of_another_rate_is_matched_and_told() {
     };
     assert!((metres("half.mkv", 3) - 0.2).abs() < 1e-4 && (metres("half.mkv", 7) - 0.4).abs() < 1e-4);
     assert!((metres("named.mkv", 7) - 0.8).abs() < 1e-4, "as many frames go by number");
-    let line = try_open(&folder, "color = 'c.mkv'\ndepth = 'short.mkv'").err().expect("depth ends too early");
+    let Err(line) = try_open(&folder, "color = 'c.mkv'\ndepth = 'short.mkv'") else { panic!("depth ends too early") };
     assert!(line.contains("short.mkv") && line.contains("frames = [0, 5]"), "{line}");
 }
 
