@@ -5,10 +5,10 @@ use crate::{
     image_file::{
         ExrLayer,
         tonemap::Tonemap,
-        write::{display_code, write_display, write_exr, write_png},
+        write::{Shown, display_code, write_exr_of, write_png_of},
     },
     renderer::{Renderer, mattes::MATTES},
-    scene::Scene,
+    scene::{Scene, viewpoint::Projection},
     warnings,
 };
 use glam::Vec3;
@@ -40,6 +40,16 @@ pub fn size(eyes: &[Renderer]) -> [u32; 2] {
     [width, height * eyes.len() as u32]
 }
 
+/// Says whether every eye sees all around.
+pub fn shows_all(eyes: &[Renderer]) -> bool {
+    eyes.iter().all(|eye| eye.options().projection == Projection::Equirect)
+}
+
+/// What viewers may take the picture for. None knows two eyes in an image.
+fn shown(eyes: &[Renderer]) -> Shown {
+    if shows_all(eyes) && eyes.len() == 1 { Shown::Around } else { Shown::Part }
+}
+
 /// An image of one renderer, or of two eyes, the first on top.
 pub fn stacked(eyes: &[Renderer], image: impl Fn(&Renderer) -> Result<Vec<[f32; 4]>>) -> Result<Vec<[f32; 4]>> {
     Ok(eyes.iter().map(image).collect::<Result<Vec<_>>>()?.concat())
@@ -55,7 +65,7 @@ pub fn write(
     aovs: &[String],
 ) -> Result<()> {
     let size = size(eyes);
-    let mut picture = stacked(eyes, Renderer::picture)?;
+    let picture = stacked(eyes, Renderer::picture)?;
     let broken = picture.iter().filter(|texel| !texel.iter().all(|value| value.is_finite())).count();
     if broken > 0 {
         let (subject, all) = (path.display(), picture.len());
@@ -63,11 +73,11 @@ pub fn write(
     }
     if kind == FileKind::Png {
         // Saturated texels that were raised on loading come down again.
-        for texel in &mut picture {
+        let codes = picture.iter().flat_map(|texel| {
             let color = scene.panorama.for_display(Vec3::new(texel[0], texel[1], texel[2]));
-            texel[..3].copy_from_slice(&tonemap.map(exposure * color).to_array());
-        }
-        return write_display(path, size, &picture, 1.0);
+            tonemap.map(exposure * color).to_array().map(display_code)
+        });
+        return write_png_of(path, size, &codes.collect::<Vec<_>>(), 3, shown(eyes));
     }
     let mut layers = vec![ExrLayer::rgb("", size, &picture)];
     let every = || {
@@ -81,7 +91,7 @@ pub fn write(
         let channels = ["R", "G", "B", "A"].iter().enumerate().map(|(i, c)| ((*c).to_owned(), channel(i))).collect();
         layers.push(ExrLayer { name: name.clone(), size, channels });
     }
-    write_exr(path, &layers)
+    write_exr_of(path, &layers, shown(eyes))
 }
 
 /// Writes the virtual surfaces of the last picture as a PNG with alpha, which is not premultiplied.
@@ -98,5 +108,5 @@ pub fn write_alpha(eyes: &[Renderer], scene: &Scene, path: &Path, (exposure, ton
             [r, g, b, (alpha.clamp(0.0, 1.0) * 255.0).round() as u8]
         })
         .collect();
-    write_png(path, size(eyes), &codes, 4)
+    write_png_of(path, size(eyes), &codes, 4, shown(eyes))
 }

@@ -210,12 +210,12 @@ impl Renderer {
     /// Runs once per video frame. Derives what comes from the panorama alone.
     fn prepare_panorama(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         let (view, panorama) = (&self.picture.resources, &self.panorama);
-        let (Some(content), Some(passes)) = (&state.content, &self.preparation) else { return Ok(()) };
+        let (Some(_), Some(passes)) = (&state.content, &self.preparation) else { return Ok(()) };
         if let Some(radiance_pyramid) = &passes.radiance_pyramid {
             radiance_pyramid.record(frame, panorama)?;
         }
         if let Some(normals) = &passes.normals {
-            normals.record(frame, panorama, view, panorama.quality(content), self.plan.settings.normal_radius)?;
+            normals.record(frame, panorama, view, panorama.quality(), self.plan.settings.normal_radius)?;
         }
         if let Some(depth_pyramid) = &passes.depth_pyramid {
             frame.barrier("depth_pyramid bounds the depth that normals wrote");

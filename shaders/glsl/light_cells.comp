@@ -33,7 +33,7 @@ void main() {
                 vec4 shown = panorama_texel(texel);
                 vec3 radiance = shown.rgb * shown.w;
                 if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction((vec2(texel) + 0.5) / vec2(size)), radiance);
-                sum += weight * luminance(radiance);
+                sum += weight * max(luminance(radiance), 0.0);
             }
         }
     }

@@ -117,7 +117,8 @@ vec3 hit_radiance(PanoramaHit hit) {
     vec3 radiance = panorama_light(uv);
     if (FREE_LAMPS != 0u) radiance = without_lamps(panorama_direction(uv), radiance);
     if (is_skirt(hit)) radiance *= dim * min(1.0, in_view.view.skirt_luminance / max(luminance(radiance), 1e-20));
-    return is_lamp(hit) ? lamp_radiance(hit) : radiance;
+    // Colours beyond Rec. 709 are shown, but no light is negative.
+    return max(is_lamp(hit) ? lamp_radiance(hit) : radiance, vec3(0.0));
 }
 
 // Returns (u, v) of a vertex.

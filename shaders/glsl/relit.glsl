@@ -8,7 +8,8 @@ const uint RATIO = 1u;
 // for E_R < 1e-6, where dividing would overflow.
 vec3 relight(vec3 radiance, vec3 irradiance, vec3 change) {
     vec3 k = RELIGHTING == RATIO ? radiance / max(irradiance, vec3(1e-6)) : min(radiance / max(irradiance, vec3(1e-20)), vec3(1.0 / PI));
-    return max(radiance + change * k, vec3(0.0));
+    // Where a video's colour is beyond Rec. 709 a channel is below 0, and stays so.
+    return max(radiance + change * k, min(radiance, vec3(0.0)));
 }
 
 // Returns the radiance of a real surface as the mixed scene lights it.

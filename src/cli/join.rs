@@ -18,6 +18,7 @@ use crate::{
     panorama::pattern::Pattern,
     scene::Scene,
 };
+use image::{ImageDecoder as _, ImageReader};
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -205,32 +206,59 @@ fn words(runs: &[[u32; 2]]) -> String {
     if runs.len() > 8 { format!("{shown}, …") } else { shown }
 }
 
-/// Demands that all frames are whole and of one size, which it returns.
+/// Demands that all frames are whole and of one size and one kind, and returns the size.
 fn one_kind(pattern: &Pattern, numbers: std::ops::RangeInclusive<u32>) -> Result<[u32; 2]> {
-    let mut known: Option<[u32; 2]> = None;
+    let mut known: Option<([u32; 2], String)> = None;
     for number in numbers {
         let path = pattern.file(number);
-        let size = size_of(&path)?;
-        match known {
-            Some(first) if first != size => {
-                let problem = format!("is {}x{}, but the first frame is {}x{}", size[0], size[1], first[0], first[1]);
-                return Err(Error::input(path.display(), problem, "render it again with the others' --size"));
-            }
-            _ => known = Some(size),
+        let (size, kind) = kind_of(&path)?;
+        let Some((first, of)) = &known else {
+            known = Some((size, kind));
+            continue;
+        };
+        let differs = if *first != size {
+            Some((format!("{}x{}", size[0], size[1]), format!("{}x{}", first[0], first[1])))
+        } else {
+            (kind != *of).then(|| (kind.clone(), of.clone()))
+        };
+        if let Some((is, should)) = differs {
+            let problem = format!("is {is}, but the first frame is {should}");
+            return Err(Error::input(path.display(), problem, "render it again by the command of the others"));
         }
     }
-    known.ok_or_else(|| Error::Internal("no frames".into()))
+    known.map(|(size, _)| size).ok_or_else(|| Error::Internal("no frames".into()))
 }
 
-fn size_of(path: &Path) -> Result<[u32; 2]> {
+/// What is said of frames of a panorama.
+const AROUND: &str = ", all around";
+
+/// The size of a frame, and in words how it is stored and what it shows.
+fn kind_of(path: &Path) -> Result<([u32; 2], String)> {
     let broken =
         |problem: String| Error::input(path.display(), format!("cannot be read: {problem}"), "render it again");
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
         let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|error| broken(read::one_line(&error)))?;
-        let size = meta.headers.first().map(|header| header.layer_size);
-        return size.map(|size| [size.0 as u32, size.1 as u32]).ok_or_else(|| broken("it has no layer".into()));
+        let header = meta.headers.first().ok_or_else(|| broken("it has no layer".into()))?;
+        // Frames of which some have more images are of one kind.
+        let shown = |name: &exr::meta::attribute::Text| ["R", "G", "B", "Y"].iter().any(|channel| name.eq(channel));
+        let channels = header.channels.list.iter().filter(|channel| shown(&channel.name));
+        let stored: Vec<String> =
+            channels.map(|channel| format!("{} {:?}", channel.name, channel.sample_type)).collect();
+        let around = if header.own_attributes.environment_map.is_some() { AROUND } else { "" };
+        let size = [header.layer_size.0 as u32, header.layer_size.1 as u32];
+        return Ok((size, format!("an EXR of {}{around}", stored.join(", "))));
     }
-    image::image_dimensions(path).map(|(w, h)| [w, h]).map_err(|error| broken(read::one_line(&error)))
+    let open = || {
+        let reader = ImageReader::open(path)?.with_guessed_format()?;
+        let format = reader.format();
+        Ok((format, reader.into_decoder()?))
+    };
+    let (format, mut decoder) = open().map_err(|error: image::ImageError| broken(read::one_line(&error)))?;
+    let format = format.map_or_else(String::new, |format| format!("{format:?}").to_uppercase());
+    let xmp = decoder.xmp_metadata().ok().flatten().unwrap_or_default();
+    let around = if xmp.windows(15).any(|word| word == b"equirectangular") { AROUND } else { "" };
+    let (width, height) = decoder.dimensions();
+    Ok(([width, height], format!("a {format} of {:?}{around}", decoder.original_color_type())))
 }
 
 #[cfg(test)]

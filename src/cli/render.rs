@@ -17,7 +17,7 @@ use crate::{
     plan::Plan,
     renderer::{Renderer, Wishes},
     scene::Scene,
-    settings::{Method, VirtualTracer},
+    settings::{Method, Settings, VirtualTracer},
     temporary::Temporary,
 };
 use indicatif::ProgressStyle;
@@ -122,7 +122,7 @@ pub fn run(args: &Args) -> Result<()> {
         Some(Warmup::Frames(count)) => count,
         None | Some(Warmup::Auto) if converge => 0,
         None => STANDARD_WARMUP,
-        Some(Warmup::Auto) => AGAIN.max(STANDARD_WARMUP).min(STANDARD_WARMUP + first),
+        Some(Warmup::Auto) => chunk_warmup(&options.settings).min(STANDARD_WARMUP + first),
     };
     let spp = if converge { args.spp.unwrap_or(64).max(1) } else { 1 };
     let timed = args.timings.map_or(0, |frames| frames.saturating_add(1));
@@ -257,7 +257,14 @@ fn interrupted(args: &Args, [first, frame, last]: [u32; 3]) -> Error {
 /// Frames that are run before the first one, unless the user says how many.
 const STANDARD_WARMUP: u32 = 15;
 
-/// Frames that are run again where a run begins in the middle of a video, so that nothing is seen of it.
+/// Frames that are run again where a video is begun in its middle by another machine. A mean of so many paths, of which each
+/// frame adds a share, forgets all but a seventh of what was before in twice as many frames.
+fn chunk_warmup(settings: &Settings) -> u32 {
+    let share = if settings.sampling_mask { settings.rays_per_pixel } else { 1.0 };
+    ((2.0 * settings.history as f32 / share) as u32).max(AGAIN)
+}
+
+/// Frames that are run again where a run goes on that was stopped. More would be seen even less, but waited for.
 const AGAIN: u32 = 48;
 
 /// What `--warmup` says.

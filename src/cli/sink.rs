@@ -7,13 +7,14 @@ use crate::{
     media::{
         encode::{Codec, Container, Encoding, Wanted},
         film::{Extras, Film, Look, Shot},
+        rate,
         spherical::Views,
         stream::RawStream,
     },
-    output::{self, FileKind, stacked, write_alpha},
+    output::{self, FileKind, shows_all, stacked, write_alpha},
     panorama::pattern::Pattern,
     renderer::Renderer,
-    scene::{Scene, viewpoint::Projection},
+    scene::Scene,
 };
 use std::{
     path::{Path, PathBuf},
@@ -103,9 +104,9 @@ impl Timing {
     /// Follows a scene's video. Without a scene all frames take equally long.
     pub fn of(scene: Option<&Scene>, fps: f64, [first, last]: [u32; 2]) -> Self {
         let Some(scene) = scene else {
-            return Self { rate: crate::media::probe::rational(fps), starts: Vec::new(), first };
+            return Self { rate: rate::rational(fps), starts: Vec::new(), first };
         };
-        let rate = constant_rate(scene, [first, last]);
+        let rate = constant_rate(scene);
         let fps = f64::from(rate[0]) / f64::from(rate[1]);
         let time = |frame: u32| scene.panorama.frame_time(frame as usize);
         let starts = (first..=last + 1).map(|frame| ((time(frame) - time(first)) * fps).round() as u64).collect();
@@ -237,10 +238,6 @@ pub struct Asked<'a> {
     pub job: String,
 }
 
-fn shows_all(eyes: &[Renderer]) -> bool {
-    eyes.iter().all(|eye| eye.options().projection == Projection::Equirect)
-}
-
 /// A picture on its way to a video or a stream.
 fn shot(eyes: &[Renderer], scene: &Scene, frame: u32, timing: &Timing) -> Result<Shot> {
     let can_match = shows_all(eyes) && eyes.len() == 1;
@@ -248,15 +245,17 @@ fn shot(eyes: &[Renderer], scene: &Scene, frame: u32, timing: &Timing) -> Result
     Ok(Shot { texels: stacked(eyes, Renderer::picture)?, source, times: timing.times(frame) })
 }
 
-/// Frames a second of an output: the source's, or where that varies the rate of its shortest frame.
-fn constant_rate(scene: &Scene, [first, last]: [u32; 2]) -> [u32; 2] {
+/// Frames a second of an output: the source's, or where frames are not equally far apart one at which all have their times.
+fn constant_rate(scene: &Scene) -> [u32; 2] {
     let panorama = &scene.panorama;
-    if !panorama.video().is_some_and(|video| video.varies) {
+    let Some(video) = panorama.video() else { return panorama.rate() };
+    let times: Vec<f64> = (0..panorama.frame_count()).map(|frame| panorama.frame_time(frame)).collect();
+    let is_even = |(index, time): (usize, &f64)| (time - index as f64 / panorama.fps).abs() < 1e-6;
+    if times.iter().enumerate().all(is_even) {
         return panorama.rate();
     }
-    let step = |frame: u32| panorama.frame_time(frame as usize + 1) - panorama.frame_time(frame as usize);
-    let least = (first..=last).map(step).filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
-    if least.is_finite() { crate::media::probe::rational((1.0 / least).min(120.0)) } else { panorama.rate() }
+    let shortest = || rate::of_shortest(&times).filter(|_| video.varies);
+    rate::common(&times).or_else(shortest).unwrap_or_else(|| panorama.rate())
 }
 
 /// The sound of the source, from the time of a frame on.

@@ -6,6 +6,7 @@ use super::{
     placement::Placement,
     read::{CodeImage, ColorImage, MAX_STRIPS, check_size, check_strips, one_line, plain_io},
     rows::{Rows, Strips},
+    write::Shown,
 };
 use crate::{Error, Result, budget};
 use exr::{
@@ -377,7 +378,8 @@ pub(super) fn codes(mut exr: Exr, wanted: Option<&str>, subject: &str) -> Result
 
 /// Encodes layers of one size as single-part float EXR, losslessly compressed. Channels of named layers are
 /// called `layer.channel`, which every viewer understands.
-pub(super) fn encode(layers: &[ExrLayer], subject: &str, out: &mut (impl Write + Seek)) -> Result<()> {
+pub(super) fn encode(layers: &[ExrLayer], shown: Shown, subject: &str, out: &mut (impl Write + Seek)) -> Result<()> {
+    use exr::meta::attribute::EnvironmentMap;
     use exr::prelude::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, Layer, LayerAttributes, LineOrder};
     let internal = |problem: String| Error::Internal(format!("writing EXR: {problem}"));
     let Some(size) = layers.first().map(|layer| layer.size) else {
@@ -397,7 +399,9 @@ pub(super) fn encode(layers: &[ExrLayer], subject: &str, out: &mut (impl Write +
     let encoding =
         Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
     let size = (size[0] as usize, size[1] as usize);
-    let layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+    let environment_map = (shown == Shown::Around).then_some(EnvironmentMap::LatitudeLongitude);
+    let attributes = LayerAttributes { environment_map, ..LayerAttributes::default() };
+    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels));
     ExrImage::from_layer(layer).write().to_buffered(out).map_err(|error| match error {
         exr::error::Error::Io(error) => {
             let problem = format!("cannot be written: {}", plain_io(&error));

@@ -6,7 +6,6 @@ use super::{
     read::plain_io,
 };
 use crate::{Error, Result, image_file::srgb::linear_to_srgb, temporary::Temporary};
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::{
     fs::File,
     io::{BufWriter, Write},
@@ -97,18 +96,49 @@ pub fn write_display(path: &Path, size: [u32; 2], texels: &[[f32; 4]], exposure:
 /// # Errors
 /// Fails if the folder or file cannot be written.
 pub fn write_png(path: &Path, size: [u32; 2], codes: &[u8], channels: usize) -> Result<()> {
+    write_png_of(path, size, codes, channels, Shown::Part)
+}
+
+/// What a picture shows, which its file says as viewers of panoramas understand it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    Part,
+    /// All around, equirectangular.
+    Around,
+}
+
+/// Google's GPano, in the XMP of a PNG.
+const GPANO: &str = "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\"><rdf:RDF \
+    xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\"><rdf:Description rdf:about=\"\" \
+    xmlns:GPano=\"http://ns.google.com/photos/1.0/panorama/\" GPano:ProjectionType=\"equirectangular\"/>\
+    </rdf:RDF></x:xmpmeta>";
+
+/// The same as [`write_png`], of a picture that may be a panorama.
+///
+/// # Errors
+/// Fails as it does.
+pub fn write_png_of(path: &Path, size: [u32; 2], codes: &[u8], channels: usize, shown: Shown) -> Result<()> {
     let color = match channels {
-        1 => ExtendedColorType::L8,
-        3 => ExtendedColorType::Rgb8,
-        4 => ExtendedColorType::Rgba8,
+        1 => png::ColorType::Grayscale,
+        3 => png::ColorType::Rgb,
+        4 => png::ColorType::Rgba,
         _ => return Err(Error::Internal(format!("writing PNG: {channels} channels"))),
     };
     if codes.len() != size[0] as usize * size[1] as usize * channels {
         return Err(Error::Internal(format!("writing PNG: {} bytes for {size:?} × {channels}", codes.len())));
     }
-    write_atomically(path, |out| {
-        PngEncoder::new(out).write_image(codes, size[0], size[1], color).map_err(|error| write_error(path, &error))
-    })
+    let encode = |out: &mut BufWriter<&mut File>| -> std::result::Result<(), png::EncodingError> {
+        let mut encoder = png::Encoder::new(out, size[0], size[1]);
+        encoder.set_color(color);
+        encoder.set_compression(png::Compression::Fast);
+        if shown == Shown::Around {
+            encoder.add_itxt_chunk("XML:com.adobe.xmp".into(), GPANO.into())?;
+        }
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(codes)?;
+        writer.finish()
+    };
+    write_atomically(path, |out| encode(out).map_err(|error| write_error(path, &error)))
 }
 
 /// Writes layers of one size as float EXR. The main layer has no name.
@@ -116,5 +146,13 @@ pub fn write_png(path: &Path, size: [u32; 2], codes: &[u8], channels: usize) -> 
 /// # Errors
 /// Fails if the folder or file cannot be written.
 pub fn write_exr(path: &Path, layers: &[ExrLayer]) -> Result<()> {
-    write_atomically(path, |out| exr_file::encode(layers, &path.display().to_string(), out))
+    write_exr_of(path, layers, Shown::Part)
+}
+
+/// The same, of pictures that may be panoramas.
+///
+/// # Errors
+/// Fails as [`write_exr`] does.
+pub fn write_exr_of(path: &Path, layers: &[ExrLayer], shown: Shown) -> Result<()> {
+    write_atomically(path, |out| exr_file::encode(layers, shown, &path.display().to_string(), out))
 }

@@ -77,11 +77,12 @@ impl Decoder {
     /// Says why there is no frame `at`.
     fn ended(&mut self, at: usize) -> Error {
         let subject = self.info.path.display().to_string();
-        let said = self.running.take().map(|mut running| {
-            tool::end(&mut running.child);
-            running.said.take().and_then(|said| said.join().ok()).unwrap_or_default()
-        });
-        ended(&self.info, at, &tool::last_words(&said.unwrap_or_default(), &subject))
+        let Some(mut running) = self.running.take() else { return Error::Internal("no decoder".into()) };
+        // Its output is closed, so it has ended or is about to.
+        let status = running.child.wait().ok();
+        let said = running.said.take().and_then(|said| said.join().ok()).unwrap_or_default();
+        tool::killed(status, "ffmpeg", &subject)
+            .unwrap_or_else(|| ended(&self.info, at, &tool::last_words(&said, &subject)))
     }
 }
 
@@ -103,8 +104,13 @@ impl VideoInfo {
             // Whatever cannot be read is not counted.
             let _ = out.read_to_string(&mut progress);
         }
-        tool::end(&mut child);
-        let words = tool::last_words(&said.join().unwrap_or_default(), &subject);
+        if let Some(error) = tool::killed(child.wait().ok(), "ffmpeg", &subject) {
+            return Err(error);
+        }
+        // Where frames go to, which is nowhere, is no matter of the file: frames of a rate that varies go there at one time.
+        let of_file = |line: &&str| !line.contains("to muxer") && !line.contains("message repeated");
+        let said = said.join().unwrap_or_default().lines().filter(of_file).collect::<Vec<_>>().join("\n");
+        let words = tool::last_words(&said, &subject);
         let mut counts = progress.lines().filter_map(|line| line.strip_prefix("frame=")?.trim().parse::<usize>().ok());
         let decoded = counts.next_back().unwrap_or(0);
         if decoded < self.frame_count() {

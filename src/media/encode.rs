@@ -6,7 +6,7 @@ use super::{
     probe::VideoInfo,
     tool,
 };
-use crate::{Error, Result};
+use crate::{Error, Result, warnings};
 use std::{
     io::Write,
     path::Path,
@@ -103,6 +103,11 @@ impl Codec {
             Self::Prores | Self::Ffv1 => None,
         }
     }
+
+    /// Says whether its best quality loses nothing.
+    fn can_be_lossless(self) -> bool {
+        matches!(self, Self::H264 | Self::Hevc | Self::Vp9)
+    }
 }
 
 /// What the user asks of a video file.
@@ -164,7 +169,7 @@ impl Encoding {
             (Some([_, usual]), crf) => Some(crf.unwrap_or(usual)),
             (None, None) => None,
         };
-        let format = format_for(codec, wanted.pix_fmt.as_deref(), source)?;
+        let format = format_for(codec, crf, wanted.pix_fmt.as_deref(), source)?;
         let ragged = |axis: usize| size[axis] & ((1 << format.sub[axis]) - 1) != 0;
         if codec != Codec::Ffv1 && (ragged(0) || ragged(1)) {
             let problem = format!("{}x{} cannot be halved, as {} needs", size[0], size[1], format.name());
@@ -274,37 +279,64 @@ impl Encoding {
     }
 }
 
-/// The format; whether its range is full is said by tags alone.
-fn format_for(codec: Codec, asked: Option<&str>, source: Option<&VideoInfo>) -> Result<Format> {
-    let format = any_format_for(codec, asked, source)?;
-    Ok(Format::named(&format.name().replace("yuvj", "yuv")).unwrap_or(format))
-}
-
-fn any_format_for(codec: Codec, asked: Option<&str>, source: Option<&VideoInfo>) -> Result<Format> {
+/// The format that is asked for, or the one that the encoder holds and that loses least. Whether its range is full is said
+/// by tags alone. A loss is told, unless it is the usual one of a lossy video.
+fn format_for(codec: Codec, crf: Option<u32>, asked: Option<&str>, source: Option<&VideoInfo>) -> Result<Format> {
+    let held = held(codec);
+    let holds = |format: &Format| held.is_empty() || held.contains(format);
+    let names = || held.iter().map(Format::name).collect::<Vec<_>>().join(", ");
     if let Some(asked) = asked {
-        let name = if Format::named(asked).is_some() { asked.to_owned() } else { format!("{asked}le") };
-        return Format::named(&name).ok_or_else(|| {
-            Error::input(
-                "--pix-fmt",
-                format!("\"{asked}\" is not known"),
-                "give for example yuv420p, yuv422p10 or gbrp",
-            )
-        });
+        let format = Format::asked(asked)?;
+        return if holds(&format) {
+            Ok(format)
+        } else {
+            let problem = format!("{} does not hold {}", codec.encoder(), format.name());
+            Err(Error::input("--pix-fmt", problem, format!("give one of {}, or another --codec", names())))
+        };
     }
-    let stored = source.map(|info| info.format);
+    let stored = source.map(|info| info.format.of_any_range());
     let deep = stored.is_some_and(|format| format.bits > 8);
-    let name = match codec {
+    let hdr = source.is_some_and(|info| info.tags.is_hdr());
+    let is_lossless = codec == Codec::Ffv1 || (codec.can_be_lossless() && crf == Some(0));
+    let wanted = match (codec, stored) {
         // Nothing is lost where the source's own format is kept.
-        Codec::Ffv1 => return Ok(stored.or(Format::named("gbrp")).unwrap_or_else(|| Format::of("gbrp"))),
-        Codec::Prores => "yuv422p10le",
-        Codec::Hevc | Codec::Av1 if deep => "yuv420p10le",
-        Codec::Vp9 if source.is_some_and(|info| info.tags.is_hdr()) => "yuv420p10le",
-        _ => "yuv420p",
+        (_, Some(stored)) if is_lossless => stored,
+        (Codec::Ffv1, None) => Format::of("gbrp"),
+        (Codec::Prores, _) => Format::of("yuv422p10le"),
+        (Codec::Hevc | Codec::Av1, _) if deep => Format::of("yuv420p10le"),
+        _ if hdr => Format::of("yuv420p10le"),
+        _ => Format::of("yuv420p"),
     };
-    Ok(Format::of(name))
+    let format = if holds(&wanted) {
+        wanted
+    } else {
+        held.iter().copied().min_by_key(|format| wanted.lost_in(format)).unwrap_or(wanted)
+    };
+    if wanted.lost_in(&format)[..3] != [0; 3] {
+        let (encoder, wanted, format) = (codec.encoder(), wanted.name(), format.name());
+        let problem = format!("{encoder} does not hold {wanted}: {format} is written, which loses some of the source");
+        warnings::tell(&[format!("--codec: {problem} (--codec ffv1 in .mkv keeps all)")]);
+    }
+    Ok(format)
 }
 
-fn tags_for(format: Format, source: Option<&VideoInfo>) -> Result<Tags> {
+/// The formats that the installed encoder holds; none if it does not say.
+fn held(codec: Codec) -> Vec<Format> {
+    let mut ask = tool::command("ffmpeg");
+    ask.args(["-h", &format!("encoder={}", codec.encoder())]);
+    let text = tool::output(&mut ask, "ffmpeg", "says nothing of its encoders", "").unwrap_or_default();
+    let text = String::from_utf8_lossy(&text);
+    let names = text.lines().find_map(|line| line.trim().strip_prefix("Supported pixel formats:")).unwrap_or_default();
+    let mut formats: Vec<Format> = Vec::new();
+    for format in names.split_whitespace().map(|name| Format::of(name).of_any_range()) {
+        if !formats.contains(&format) {
+            formats.push(format);
+        }
+    }
+    formats
+}
+
+pub(super) fn tags_for(format: Format, source: Option<&VideoInfo>) -> Result<Tags> {
     let matrix = source.map_or(Matrix::Bt709, |info| info.tags.matrix).for_output(format.kind);
     let full = match source {
         _ if format.kind != Kind::Yuv => true,
@@ -360,7 +392,9 @@ impl Encoder {
 
     fn failed(&mut self) -> Error {
         self.input = None;
-        let _ = self.child.wait();
+        if let Some(error) = tool::killed(self.child.wait().ok(), "ffmpeg", &self.subject) {
+            return error;
+        }
         let said = self.said.take().and_then(|said| said.join().ok()).unwrap_or_default();
         let words = tool::last_words(&said, &self.subject);
         let problem = format!("{} does not encode it{words}", self.encoder);

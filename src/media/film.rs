@@ -117,7 +117,7 @@ impl Film {
             clear(&folder)?;
         }
         make_folder(&folder)?;
-        write_bytes(&note, job.as_bytes())?;
+        write_bytes(&note, job.as_bytes()).inspect_err(|_| clear_if_empty(&folder))?;
         let next = chain(&folder, [first, last])?.last().map_or(first, |(_, to, _)| to + 1);
         let encoding = Arc::new(encoding);
         // One picture waits while the one before is encoded.
@@ -262,9 +262,7 @@ impl Drop for Film {
     fn drop(&mut self) {
         // What was rendered is kept for the next run.
         let _ = self.stop();
-        if parts(&self.folder).is_ok_and(|parts| parts.is_empty()) {
-            let _ = clear(&self.folder);
-        }
+        clear_if_empty(&self.folder);
     }
 }
 
@@ -353,6 +351,13 @@ fn chain(folder: &Path, [first, last]: [u32; 2]) -> Result<Vec<(u32, u32, PathBu
         fits
     });
     Ok(all)
+}
+
+/// Removes a folder of parts that has none.
+fn clear_if_empty(folder: &Path) {
+    if parts(folder).is_ok_and(|parts| parts.is_empty()) {
+        let _ = clear(folder);
+    }
 }
 
 /// Removes a folder of parts, but no file that is not of this program.

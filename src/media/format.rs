@@ -1,6 +1,9 @@
 //! How a video's codes are stored, and what they mean: format, matrix, range, curve, siting of chroma.
 
-use crate::image_file::color_space::{ColorSpace, Transfer};
+use crate::{
+    Error, Result,
+    image_file::color_space::{ColorSpace, Transfer},
+};
 use std::fmt;
 
 /// What the planes are.
@@ -80,6 +83,33 @@ impl Format {
         };
         // What is left is 8 bits of red, green and blue in some order, or a palette of them.
         Self::named(alias).or(Self::named("gbrp")).unwrap_or(FORMATS[0])
+    }
+
+    /// The format that a user names, without the order of bytes.
+    ///
+    /// # Errors
+    /// Fails if there is none of this name.
+    pub fn asked(name: &str) -> Result<Self> {
+        let known = Self::named(name).or_else(|| Self::named(&format!("{name}le"))).map(|format| format.of_any_range());
+        let remedy = "give for example yuv420p, yuv422p10 or gbrp";
+        known.ok_or_else(|| Error::input("--pix-fmt", format!("\"{name}\" is not known"), remedy))
+    }
+
+    /// The same without saying that its range is full.
+    pub fn of_any_range(self) -> Self {
+        Self::named(&self.name.replace("yuvj", "yuv")).unwrap_or(self)
+    }
+
+    /// What of pictures in this format gets lost in another: the kind, bits, and chroma; then what is more than is needed.
+    pub fn lost_in(&self, other: &Self) -> [u32; 5] {
+        let fewer = |a: [u32; 2], b: [u32; 2]| a[0].saturating_sub(b[0]) + a[1].saturating_sub(b[1]);
+        let kind = match other.kind {
+            kind if kind == self.kind => 0,
+            Kind::Gray => 2,
+            Kind::Yuv | Kind::Gbr => 1,
+        };
+        let [less, more] = [self.bits.saturating_sub(other.bits), other.bits.saturating_sub(self.bits)];
+        [kind, less, fewer(other.sub, self.sub), more, fewer(self.sub, other.sub)]
     }
 
     /// The name by which `ffmpeg` knows it.

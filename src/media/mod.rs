@@ -11,6 +11,7 @@ pub mod format;
 pub mod pack;
 pub mod planes;
 pub mod probe;
+pub mod rate;
 pub mod spherical;
 pub mod stream;
 pub mod tool;

@@ -10,6 +10,9 @@ use rayon::prelude::*;
 
 /// A change of less than this much of a code is none.
 const SAME: f32 = 0.3;
+/// Neither is one of less than this share of the pixel's brightest channel. The dark channels of saturated colours come
+/// out of differences of bright ones, which large panoramas keep as 16-bit floats.
+const SHARE: f32 = 1e-3;
 
 /// How pictures become codes.
 #[derive(Clone, Debug)]
@@ -166,12 +169,17 @@ impl Packer {
     fn same(&self, shown: &[[f32; 3]], planes: &Planes, part: Part) -> Vec<bool> {
         let width = self.size[0] as usize;
         let step = SAME / self.format.largest();
+        let near = |was: [f32; 3], is: [f32; 3]| {
+            let light = |codes: [f32; 3]| Vec3::from(codes.map(|code| self.tags.space.transfer.linear(code, 0)));
+            let (was, is) = (light(was), light(is));
+            (was - is).abs().max_element() < SHARE * was.max_element()
+        };
         let mut same = vec![false; shown.len()];
         let row = |(y, out): (usize, &mut [bool]), codes: &mut Vec<[f32; 3]>| {
             planes.row(part, y as u32, codes);
             for (x, out) in out.iter_mut().enumerate() {
-                let (was, is) = (codes[x], shown[y * width + x]);
-                *out = (0..3).all(|c| (was[c].clamp(0.0, 1.0) - is[c]).abs() < step);
+                let (was, is) = (codes[x].map(|code| code.clamp(0.0, 1.0)), shown[y * width + x]);
+                *out = (0..3).all(|c| (was[c] - is[c]).abs() < step) || near(was, is);
             }
         };
         same.par_chunks_mut(width.max(1)).enumerate().for_each_init(Vec::new, |codes, y_row| row(y_row, codes));
@@ -217,6 +225,26 @@ mod tests {
                 let light = Vec3::splat(tags.space.transfer.linear(code, 0));
                 assert!((tags.shown(light)[1] - code).abs() < 2e-4, "{transfer}: {code}");
             }
+        }
+    }
+
+    /// Saturated colours of wide gamuts, as large panoramas keep them: with eleven bits a channel.
+    #[test]
+    fn pixels_beyond_rec709_keep_their_codes() {
+        for (primaries, transfer) in [("bt2020", "bt2020-10"), ("bt2020", "smpte2084"), ("smpte432", "bt709")] {
+            let tags = Tags::new(Matrix::Rgb, true, Some(primaries), Some(transfer), Siting::LEFT).expect("known");
+            let (format, size) = (Format::of("gbrp10le"), [64, 8]);
+            let code = |i: usize| [0, 1023, 40, 700][(i / 3 + i) % 4] + (i as u16 % 2) * u16::from(i % 5 == 1) * 100;
+            let codes: Vec<u16> = (0..3 * 64 * 8).map(|i| code(i * 7919 % 1536).min(1023)).collect();
+            let bytes: Vec<u8> = codes.iter().flat_map(|code| code.to_le_bytes()).collect();
+            let planes = Planes { size, format, tags: &tags, bytes: &bytes };
+            let texels = planes.color(Part::whole(size)).texels;
+            assert!(texels.iter().any(|texel| texel[0] < -0.01), "{primaries}");
+            let half = |value: f32| half::f16::from_f32(value).to_f32();
+            let shown: Shown =
+                texels.iter().map(|t| tags.shown(Vec3::new(half(t[0]), half(t[1]), half(t[2])))).collect();
+            let packer = Packer { size, format, tags: tags.clone() };
+            assert_eq!(packer.pack(&shown, Some((&planes, Part::whole(size)))), bytes, "{primaries}, {transfer}");
         }
     }
 

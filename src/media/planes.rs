@@ -137,7 +137,7 @@ impl Planes<'_> {
         codes.at((y + row) * stride + x + column) as u16
     }
 
-    /// The linear picture of a part.
+    /// The linear picture of a part, in Rec. 709. Where a colour is beyond it, a channel is negative.
     pub fn color(&self, part: Part) -> ColorImage {
         let space = &self.tags.space;
         let curve: Vec<f32> =
@@ -152,8 +152,8 @@ impl Planes<'_> {
         let row = |(y, texels): (usize, &mut [[f32; 4]]), codes: &mut Vec<[f32; 3]>| {
             self.row(part, y as u32, codes);
             for (texel, codes) in texels.iter_mut().zip(codes.iter()) {
-                let color = space.rec709(Vec3::from(codes.map(linear)));
-                *texel = color.extend(1.0).to_array();
+                let color = Vec3::from(codes.map(linear));
+                *texel = space.to_rec709.map_or(color, |matrix| matrix * color).extend(1.0).to_array();
             }
         };
         texels.par_chunks_mut(width.max(1)).enumerate().for_each_init(Vec::new, |codes, y_row| row(y_row, codes));

@@ -3,6 +3,7 @@
 use super::{
     format::{Format, Kind, Matrix, Siting, Tags},
     planes::Planes,
+    rate::rational,
     tool,
 };
 use crate::{Error, Result};
@@ -305,19 +306,6 @@ fn timing(stamps: &[Option<f64>], stated: Option<[u32; 2]>) -> (Vec<f64>, Option
     (times, Some(first), rate)
 }
 
-/// A rate as a fraction, with the denominators that television has.
-pub fn rational(fps: f64) -> [u32; 2] {
-    for [a, b] in [[24000, 1001], [30000, 1001], [60000, 1001], [120_000, 1001]] {
-        if (fps - f64::from(a) / f64::from(b)).abs() < 0.002 {
-            return [a, b];
-        }
-    }
-    if (fps - fps.round()).abs() < 1e-6 && fps >= 1.0 {
-        return [fps.round() as u32, 1];
-    }
-    [(fps * 1000.0).round().max(1.0) as u32, 1000]
-}
-
 fn tags(
     stream: &ProbedStream,
     format: Format,
@@ -443,7 +431,5 @@ mod tests {
         assert_eq!((times, rate), (vec![0.0, 0.1, 0.5, 0.6], [5, 1]));
         let (times, start, _) = timing(&[None, None], None);
         assert_eq!((times, start), (vec![0.0, 1.0 / 30.0], None));
-        assert_eq!(rational(23.976), [24000, 1001]);
-        assert_eq!(rational(12.5), [12500, 1000]);
     }
 }

@@ -1,16 +1,14 @@
 //! Frames for another program, on standard output: YUV4MPEG2, or the bare codes of a pixel format.
 
 use super::{
-    encode::{Codec, Container, Encoding, Wanted},
+    encode::{Codec, Container, Encoding, tags_for},
     film::{Look, Shot},
-    format::Kind,
+    format::{Format, Kind},
+    pack::Packer,
     probe::VideoInfo,
 };
 use crate::{Error, Result};
-use std::{
-    io::{self, ErrorKind, Write},
-    path::Path,
-};
+use std::io::{self, ErrorKind, Write};
 
 /// How codes are arranged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,13 +40,20 @@ impl RawStream {
             Some("rgb48" | "rgb48le") => (Arrangement::Rgb, Some("gbrp16le".to_owned())),
             Some(name) => (Arrangement::Planes, Some(name.to_owned())),
         };
-        // The tags are those of a file that could be lossless; no file is made.
         let deep = source.is_some_and(|info| info.format.bits > 8);
         let usual = if deep { "yuv420p10le" } else { "yuv420p" };
-        let pix_fmt = name.or_else(|| Some(usual.to_owned()));
-        let wanted = Wanted { codec: Some(Codec::Ffv1), crf: None, pix_fmt };
-        let encoding = Encoding::of(&wanted, Path::new("stream.mkv"), size, rate, source)?;
-        debug_assert_eq!(encoding.container, Container::Mkv);
+        let format = Format::asked(name.as_deref().unwrap_or(usual))?;
+        let tags = tags_for(format, source)?;
+        // The codes are those of a lossless file; none is made.
+        let encoding = Encoding {
+            container: Container::Mkv,
+            codec: Codec::Ffv1,
+            crf: None,
+            packer: Packer { size, format, tags },
+            rate,
+            mastering: None,
+            content_light: None,
+        };
         Ok(Self { encoding, arrangement, begun: false })
     }
 

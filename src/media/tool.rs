@@ -4,7 +4,7 @@ use crate::{Error, Result};
 use std::{
     io::{Read, Write},
     path::Path,
-    process::{Child, ChildStderr, Command, Stdio},
+    process::{Child, ChildStderr, Command, ExitStatus, Stdio},
     thread::JoinHandle,
 };
 
@@ -66,6 +66,10 @@ pub fn both(command: &mut Command, subject: &str, problem: &str, remedy: &str) -
     if output.status.success() {
         return Ok((output.stdout, said));
     }
+    let program = command.get_program().to_string_lossy().into_owned();
+    if let Some(error) = killed(Some(output.status), &program, subject) {
+        return Err(error);
+    }
     let words = last_words(&said, subject);
     Err(Error::input(subject, format!("{problem}{words}"), remedy))
 }
@@ -101,6 +105,17 @@ pub fn last_words(said: &str, subject: &str) -> String {
     let lines: Vec<String> = said.lines().map(plain).filter(|line| !line.is_empty()).collect();
     let telling = lines.iter().find(|line| !dull.iter().any(|dull| line.starts_with(dull)));
     telling.or(lines.last()).map(|line| format!(": {line}")).unwrap_or_default()
+}
+
+/// The error of a child that a signal ended: then neither the file nor the choice of a codec is at fault.
+pub fn killed(status: Option<ExitStatus>, program: &str, subject: &str) -> Option<Error> {
+    #[cfg(unix)]
+    let signal = std::os::unix::process::ExitStatusExt::signal(&status?);
+    #[cfg(not(unix))]
+    let signal: Option<i32> = status.and(None);
+    let problem = format!("{program} was ended from outside, by signal {}", signal?);
+    let remedy = "run the command again; if memory ran out, free some, or give a smaller --size";
+    Some(Error::input(subject, problem, remedy))
 }
 
 /// Ends a child and what it writes.

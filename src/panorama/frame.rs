@@ -106,7 +106,7 @@ pub(super) fn make_frame(
     if spec.cubes[1] {
         packed = packed.map(|codes| cube::codes(codes, &subject)).transpose()?;
     }
-    let mut color = mended(color, spec, &subject, &mut warnings)?;
+    let mut color = mended(color, spec, &subject, of_video, &mut warnings)?;
     let mut taken = [color.taken.take(), None];
     let picture_size = color.picture_size;
 
@@ -284,7 +284,14 @@ struct Mended {
 }
 
 /// Reads colours, mends bad texels, raises saturated ones, applies the exposure, and makes the picture as small as is asked.
-fn mended(mut colors: Colors, spec: &PanoramaSpec, subject: &str, warnings: &mut Vec<String>) -> Result<Mended> {
+/// Negative channels are no faults if colours may be `wide`: those of a video that has more of them than Rec. 709.
+fn mended(
+    mut colors: Colors,
+    spec: &PanoramaSpec,
+    subject: &str,
+    wide: bool,
+    warnings: &mut Vec<String>,
+) -> Result<Mended> {
     let (from, ldr, notes, taken) = match &mut colors {
         Colors::Rows(Rows { size, ldr, notes, taken, .. })
         | Colors::Image(ColorImage { size, ldr, notes, taken, .. }) => {
@@ -294,7 +301,8 @@ fn mended(mut colors: Colors, spec: &PanoramaSpec, subject: &str, warnings: &mut
     check_aspect(from, subject, warnings);
     tell(&notes, taken.as_ref(), "color", subject, warnings);
     let size = reduce::reduced(from).unwrap_or(from);
-    let mut mending = Mending { spec, ldr, half: texels::is_half(size), counts: [0; 4], brightest: 0.0 };
+    let least = if wide { f32::MIN } else { 0.0 };
+    let mut mending = Mending { spec, ldr, least, half: texels::is_half(size), counts: [0; 4], brightest: 0.0 };
     let mut means = (size != from).then(|| Means::new(from, size));
     let texels = match (colors, &mut means) {
         (Colors::Rows(rows), means) => {
@@ -338,6 +346,8 @@ fn mended(mut colors: Colors, spec: &PanoramaSpec, subject: &str, warnings: &mut
 struct Mending<'a> {
     spec: &'a PanoramaSpec,
     ldr: bool,
+    /// What is smaller is a fault.
+    least: f32,
     /// Whether the texels are kept as 16-bit floats.
     half: bool,
     counts: Counts,
@@ -351,7 +361,8 @@ type Counts = [usize; 4];
 impl Mending<'_> {
     /// Mends texels. Infinite values stay what they are.
     fn mend(&mut self, texels: &mut [[f32; 4]]) {
-        let (spec, ldr, most) = (self.spec, self.ldr, if self.half { texels::BRIGHTEST } else { f32::MAX });
+        let (spec, ldr, least) = (self.spec, self.ldr, self.least);
+        let most = if self.half { texels::BRIGHTEST } else { f32::MAX };
         let mend = |texel: &mut [f32; 4]| -> (Counts, f32) {
             let rgb = [texel[0], texel[1], texel[2]];
             let brightest = rgb.into_iter().filter(|value| value.is_finite()).fold(0.0, f32::max);
@@ -359,8 +370,8 @@ impl Mending<'_> {
                 *texel = [0.0; 4];
                 return ([0; 4], brightest);
             }
-            let (infinite, negative) = (rgb.contains(&f32::INFINITY), rgb.iter().any(|value| *value < 0.0));
-            let mut radiance = Vec3::from(rgb.map(|value| value.max(0.0)));
+            let (infinite, negative) = (rgb.contains(&f32::INFINITY), rgb.iter().any(|value| *value < least));
+            let mut radiance = Vec3::from(rgb.map(|value| value.max(least)));
             if ldr {
                 radiance = tone::expand(radiance, spec.inverse_tonemap);
             }

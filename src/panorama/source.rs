@@ -25,7 +25,7 @@ use std::{
 pub struct PanoramaFrame {
     /// Width and height of `radiance`.
     pub color_size: [u32; 2],
-    /// Linear Rec. 709, finite and ≥ 0. Exposure and inverse tone mapping are applied. Alpha is by how much
+    /// Linear Rec. 709, finite, and ≥ 0 but where a video's colours are beyond Rec. 709. Exposure and inverse tone mapping are applied. Alpha is by how much
     /// more a texel shines than it shows: 1, or the factor of a clipped lamp.
     pub radiance: Texels,
     /// The radiance at which the capture clips; `None` if it does not.
@@ -243,7 +243,7 @@ impl PanoramaSource {
 
     /// Returns frames a second as a fraction.
     pub fn rate(&self) -> [u32; 2] {
-        self.plan().map_or_else(|| crate::media::probe::rational(self.fps), |plan| plan.rate)
+        self.plan().map_or_else(|| crate::media::rate::rational(self.fps), |plan| plan.rate)
     }
 
     /// Returns the number, in the video of its colour, of frame `index`.

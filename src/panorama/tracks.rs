@@ -112,7 +112,7 @@ impl Plan {
             times: (0..numbers.len()).map(|index| index as f64 / fps).collect(),
             picks: numbers.iter().map(|number| Pick { color: *number, depth: *number }).collect(),
             fps,
-            rate: media::probe::rational(fps),
+            rate: media::rate::rational(fps),
             picture_size: OnceLock::new(),
             clipped: OnceLock::new(),
             spec: Arc::new(spec),
@@ -131,7 +131,7 @@ impl Plan {
             (spec.fps, |count: usize, fps: f64| (0..count).map(move |i| i as f64 / fps).collect::<Vec<_>>());
         let times_of = |track: &Track, files: &Files| match (track, files) {
             (Track::Video(info), _) => Some((info.times.clone(), info.rate)),
-            (_, Files::Numbers(numbers)) => Some((by_fps(numbers.len(), fps), media::probe::rational(fps))),
+            (_, Files::Numbers(numbers)) => Some((by_fps(numbers.len(), fps), media::rate::rational(fps))),
             (_, Files::One) => None,
         };
         let of_color = times_of(&color, &color_files);
@@ -150,18 +150,32 @@ impl Plan {
                 (range.first as usize..=range.last as usize).step_by(range.step.max(1) as usize).collect()
             }
         };
-        let mut depth_index: Vec<usize> = chosen.clone();
-        if let (Some((color_times, _)), Some((depth_times, _)), DepthSource::Files(path)) =
+        let mut depth_index = chosen.clone();
+        if let (Some((color_times, color_rate)), Some((depth_times, depth_rate)), DepthSource::Files(path)) =
             (&of_color, &of_depth, &spec.depth)
         {
-            depth_index = paired(color_times, depth_times, &chosen).map_err(|needed| {
-                let (count, all) = (depth_times.len(), color_times.len());
+            let (count, all) = (depth_times.len(), color_times.len());
+            let rates = [color_rate, depth_rate].map(|[a, b]| f64::from(*a) / f64::from(*b));
+            let near = |ratio: f64| (ratio - 1.0).abs() <= 0.02;
+            // Numbers of images have no times of their own, unless they end together.
+            let of_videos = color.video().is_some() && depth.as_ref().is_some_and(|depth| depth.video().is_some());
+            let timed = of_videos || near(all as f64 / count as f64 * rates[1] / rates[0]);
+            let differ = timed && !near(rates[0] / rates[1]);
+            let shown = if differ && count != all { at_times(color_times, depth_times) } else { (0..count).collect() };
+            if let Some(needed) = chosen.iter().find(|index| **index >= shown.len()) {
                 let problem =
                     format!("has {count} frames, but the colour has {all}, of which number {needed} is needed");
-                let remedy = format!("give depth for all of it, or write frames = [0, {}]", count.max(1) - 1);
-                Error::input(path.display(), problem, remedy)
-            })?;
-            if depth_times.len() > color_times.len() && spec.frames.is_none() {
+                let remedy = format!("give depth for all of it, or write frames = [0, {}]", shown.len().max(1) - 1);
+                return Err(Error::input(path.display(), problem, remedy));
+            }
+            depth_index = chosen.iter().map(|index| shown[*index]).collect();
+            if differ {
+                let how = if count == all { "number" } else { "time" };
+                let rates = rates.map(|rate| (rate * 100.0).round() / 100.0);
+                let problem = format!("has {} frames a second, but the colour has {}", rates[1], rates[0]);
+                warnings.push(format!("{}: {problem}: they are matched by their {how}", path.display()));
+            }
+            if count > all && !differ && spec.frames.is_none() {
                 warnings.push(format!("{}: has more frames than the colour; the rest is left out", path.display()));
             }
         }
@@ -223,36 +237,26 @@ fn demand(file: &Path) -> Result<()> {
     }
 }
 
-/// Which frame of depth belongs to each chosen frame of colour: that of the same number, or at another rate the one
-/// that is shown then. Fails with the first number that has none.
-fn paired(color: &[f64], depth: &[f64], chosen: &[usize]) -> std::result::Result<Vec<usize>, usize> {
-    let end = |times: &[f64]| {
-        let last = times.last().copied().unwrap_or(0.0);
-        last + if times.len() > 1 { last / (times.len() - 1) as f64 } else { 0.0 }
-    };
-    let (long, other) = (end(color), end(depth));
-    let same_length = long > 0.0 && other > 0.0 && (long - other).abs() <= 0.02 * long;
-    if color.len() != depth.len() && same_length {
-        let shown = |index: &usize| depth.partition_point(|time| *time <= color[*index] + 1e-3).max(1) - 1;
-        return Ok(chosen.iter().map(shown).collect());
-    }
-    match chosen.iter().find(|index| **index >= depth.len()) {
-        Some(missing) => Err(*missing),
-        None => Ok(chosen.to_vec()),
-    }
+/// Which frame of depth is shown at the time of each frame of colour, as far as there is depth.
+fn at_times(color: &[f64], depth: &[f64]) -> Vec<usize> {
+    let last = depth.last().copied().unwrap_or(0.0);
+    let end = last + if depth.len() > 1 { last / (depth.len() - 1) as f64 } else { f64::INFINITY };
+    let shown = |time: &f64| depth.partition_point(|start| *start <= *time + STAMP).max(1) - 1;
+    color.iter().take_while(|time| **time < end - STAMP).map(shown).collect()
 }
+
+/// Time stamps may be off by this much, seconds.
+const STAMP: f64 = 1e-3;
 
 #[cfg(test)]
 mod tests {
-    use super::paired;
+    use super::at_times;
 
     #[test]
-    fn depth_goes_by_number_or_by_time() {
+    fn depth_of_another_rate_goes_by_time() {
         let every = |fps: f64, count: usize| (0..count).map(|i| i as f64 / fps).collect::<Vec<_>>();
-        let all: Vec<usize> = (0..6).collect();
-        assert_eq!(paired(&every(30.0, 6), &every(30.0, 6), &all), Ok(all.clone()));
-        assert_eq!(paired(&every(30.0, 6), &every(15.0, 3), &all), Ok(vec![0, 0, 1, 1, 2, 2]));
-        assert_eq!(paired(&every(30.0, 6), &every(30.0, 4), &all), Err(4));
-        assert_eq!(paired(&every(30.0, 6), &every(30.0, 4), &[1, 3]), Ok(vec![1, 3]));
+        assert_eq!(at_times(&every(30.0, 6), &every(15.0, 3)), [0, 0, 1, 1, 2, 2]);
+        assert_eq!(at_times(&every(30.0, 8), &every(15.0, 3)), [0, 0, 1, 1, 2, 2], "depth ends before colour");
+        assert_eq!(at_times(&every(10.0, 3), &every(30.0, 99)), [0, 3, 6]);
     }
 }

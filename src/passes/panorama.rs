@@ -65,6 +65,8 @@ pub struct Panorama {
     pub far_sides: bool,
     /// Whether noisy depth is smoothed.
     pub smooth_depth: bool,
+    /// How well the depth that was uploaded knows its surfaces.
+    quality: Quality,
     /// What shaders read, by name.
     pub resources: Resources,
     gpu: Gpu,
@@ -196,6 +198,7 @@ impl Panorama {
             shape,
             far_sides: false,
             smooth_depth: needs.smooth_depth,
+            quality: Quality::default(),
             resources,
             gpu: gpu.clone(),
             radiance,
@@ -259,14 +262,13 @@ impl Panorama {
         data.pyramid_nodes = self.shape.nodes;
     }
 
-    /// How well a video frame's depth knows its surfaces, as far as that matters here.
-    pub fn quality(&self, content: &PanoramaFrame) -> Quality {
-        let quality = content.quality();
-        if self.smooth_depth { quality } else { Quality { noise: 0.0, ..quality } }
+    /// How well the depth that was uploaded knows its surfaces, as far as that matters here.
+    pub fn quality(&self) -> Quality {
+        self.quality
     }
 
     /// Records the upload of a video frame. The passes of a new video frame must run after it.
-    pub fn upload(&self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
+    pub fn upload(&mut self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
         let width = self.color_size[0] as usize;
         let texels = content.radiance.bytes();
         if texels::is_half(self.color_size) {
@@ -293,8 +295,10 @@ impl Panorama {
         if self.raw_depth.is_none() {
             return Ok(());
         }
+        let quality = content.quality();
+        self.quality = if self.smooth_depth { quality } else { Quality { noise: 0.0, ..quality } };
         // `normals` smooths noisy depth first, and puts the result where depth comes without noise.
-        let given = if self.quality(content).noise > 0.0 { self.depth()? } else { self.raw_depth()? };
+        let given = if self.quality.noise > 0.0 { self.depth()? } else { self.raw_depth()? };
         frame.write_image(given, 0, 0, &with_poles(depth, content.depth_size))
     }
 }

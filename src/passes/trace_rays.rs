@@ -125,7 +125,7 @@ impl RayTracer {
         panorama.describe(&mut data);
         let mut view = Resources::default();
         view.add("view", Resource::Buffer(gpu.buffer_with("rays view", &[data])?));
-        let quality = panorama.quality(frame);
+        let quality = panorama.quality();
         let ready = Self {
             gpu: gpu.clone(),
             kernel,

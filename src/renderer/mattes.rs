@@ -36,7 +36,7 @@ impl Renderer {
             let rgb = |texel: [f32; 4]| Vec3::new(texel[0], texel[1], texel[2]);
             let (picture, plate) = (rgb(picture[index]), rgb(plate[index]));
             let real = covered.as_ref().map_or(1.0, |covered| covered[index][0]);
-            let part = |whole: Vec3| Vec3::select(plate.cmpgt(Vec3::ZERO), whole / plate, Vec3::splat(real));
+            let part = |whole: Vec3| Vec3::select(plate.cmpne(Vec3::ZERO), whole / plate, Vec3::splat(real));
             let ratio = match (real, &before, &after) {
                 (1.0.., ..) => part(picture),
                 (..=0.0, ..) => Vec3::ZERO,
@@ -58,6 +58,6 @@ impl Renderer {
             Relighting::Ratio => radiance / before.max(Vec3::splat(1e-6)),
             _ => (radiance / before.max(Vec3::splat(1e-20))).min(Vec3::splat(std::f32::consts::FRAC_1_PI)),
         };
-        (radiance + (after - before) * reflected).max(Vec3::ZERO)
+        (radiance + (after - before) * reflected).max(radiance.min(Vec3::ZERO))
     }
 }

@@ -45,7 +45,8 @@ fn a_pass_is_added_by_the_steps_of_the_checklist() {
         let options = options(Method::Iprt, &[]);
         let plan = Plan::of(&scene, &options, None).expect("a plan");
         let content = scene.panorama.load(0).expect("a panorama");
-        let panorama = Panorama::new(gpu, content.color_size, content.depth_size, 0.0, Needs::of(&plan)).expect("fits");
+        let mut panorama =
+            Panorama::new(gpu, content.color_size, content.depth_size, 0.0, Needs::of(&plan)).expect("fits");
         let objects = SceneBuffers::new(gpu, &PackedScene::default(), 0, 0).expect("fits");
         let mut view = View::new(gpu, "picture", options.size, &plan, Role::Picture).expect("fits");
         let look = Look { role: Role::Picture, off_centre: false };

@@ -340,7 +340,7 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
         free_lamps: false,
         smooth_depth: true,
     };
-    let panorama = Panorama::new(gpu, size, size, yaw_degrees, needs).expect("fits");
+    let mut panorama = Panorama::new(gpu, size, size, yaw_degrees, needs).expect("fits");
     let mut upload = gpu.frame().expect("records");
     panorama.upload(&mut upload, &frame).expect("fits");
     upload.run().expect("uploads");

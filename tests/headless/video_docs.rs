@@ -46,6 +46,7 @@ fn every_command_of_the_document_works() {
     for name in [
         "look.png",
         "out.mp4",
+        "remuxed.mov",
         "flat.mp4",
         "master.mov",
         "small.webm",
@@ -83,6 +84,42 @@ fn every_command_of_the_document_works() {
     assert!(opaque > 5 && opaque < 1000, "{opaque}");
 }
 
+/// A chunk is what a whole run is: the same where nothing was before it, and the nearer, the longer it warms up.
+#[test]
+fn chunks_begin_as_a_whole_run_goes_on() {
+    let folder = Folder::empty();
+    let render = |name: &str, more: &str| {
+        folder.succeeds(&format!("render apartment -o {name}_%03d.exr --size 64x36 --set history=8 -q {more}"));
+    };
+    let flip = |test: &str, truth: &str| {
+        let json = folder.succeeds(&format!("compare {test}.exr {truth}.exr --json"));
+        serde_json::from_str::<serde_json::Value>(&json).expect("JSON")["flip"].as_f64().expect("a number")
+    };
+    render("whole", "--frames 0..100");
+    render("near", "--frames 20..21 --warmup auto");
+    assert_eq!([flip("near_020", "whole_020"), flip("near_021", "whole_021")], [0.0; 2]);
+    render("auto", "--frames 100..100 --warmup auto");
+    render("usual", "--frames 100..100");
+    let [auto, usual] = [flip("auto_100", "whole_100"), flip("usual_100", "whole_100")];
+    assert!(auto < 0.6 * usual && auto < 0.015, "{auto} and {usual}");
+}
+
+#[test]
+fn join_tells_panoramas_from_other_views() {
+    let folder = Folder::with_scene();
+    std::fs::create_dir(folder.path("f")).expect("made");
+    let flags = "--size 64x32 --warmup 0 -q";
+    for kind in ["png", "exr"] {
+        let render =
+            |frame: u32, more: &str| folder.succeeds(&format!("render scene.toml -o f/{frame}.{kind} {flags} {more}"));
+        render(0, "--projection equirect");
+        render(1, "--projection equirect --without-objects");
+        folder.succeeds(&format!("join f/%01d.{kind} -o a.mp4 --spherical"));
+        render(1, "");
+        folder.fails(&format!("join f/%01d.{kind} -o a.mp4 --spherical"), &["1.", "first frame is", "all around"]);
+    }
+}
+
 #[test]
 fn join_names_what_is_missing_or_odd() {
     let folder = Folder::empty();
@@ -103,6 +140,12 @@ fn join_names_what_is_missing_or_odd() {
     std::fs::write(folder.path("f/a_004.png"), "no picture").expect("written");
     folder.fails("join f -o b.mp4", &["a_004.png", "cannot be read"]);
     save(4, 16);
+    let gray = image::ImageBuffer::<image::Luma<u16>, _>::new(16, 8);
+    gray.save(folder.path("f/a_005.png")).expect("saved");
+    folder.fails("join f -o b.mp4", &["a_005.png", "is a PNG of L16, but the first frame is a PNG of Rgb8"]);
+    image::RgbImage::new(16, 8).save_with_format(folder.path("f/a_005.png"), image::ImageFormat::Jpeg).expect("saved");
+    folder.fails("join f -o b.mp4", &["a_005.png", "is a JPEG of Rgb8"]);
+    save(5, 16);
     image::RgbImage::new(16, 8).save(folder.path("f/b_0.png")).expect("saved");
     folder.fails("join f -o b.mp4", &["several kinds", "a_%03d.png", "b_%01d.png"]);
     folder.succeeds("join f/a_%03d.png -o b.mp4");

@@ -227,6 +227,81 @@ fn time_stamps_and_rotation_are_followed() {
     assert!(agree > 32 * 16 * 95 / 100, "{agree}");
 }
 
+/// Time stamps of a camera whose clock is uneven, and a video of which frames were left out.
+#[test]
+fn uneven_time_stamps_are_no_damage_and_give_a_usual_rate() {
+    let folder = Folder::empty();
+    ffmpeg(&folder, "-f lavfi -i testsrc2=size=64x32:rate=30:duration=1 -c:v ffv1 even.mkv");
+    ffmpeg(&folder, "-i even.mkv -c copy -bsf:v setts=ts=round(N*33.3+6*mod(N*7\\,5)) uneven.mkv");
+    let output = folder.run("check uneven.mkv");
+    let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    assert!(said.contains("not equally far apart") && !said.contains("damaged"), "{said}");
+    let kept = "-vf select='not(eq(mod(n,7),3))' -fps_mode passthrough";
+    for (rate, name) in [("30", "30/1"), ("30000/1001", "30000/1001"), ("24000/1001", "24000/1001")] {
+        let source = format!("-f lavfi -i testsrc2=size=64x32:rate={rate}:duration=3");
+        ffmpeg(&folder, &format!("{source} {kept} -c:v ffv1 left.mkv"));
+        folder.write("scene.toml", "[panorama]\ncolor = 'left.mkv'\ndepth = 2\n");
+        folder.succeeds("render scene.toml -o out.mp4 --size 32x16 --warmup 0 --frames 0..59 -q");
+        let ask = "-v error -show_entries stream=r_frame_rate -of csv=p=0 out.mp4";
+        let output = Command::new("ffprobe").args(ask.split(' ')).current_dir(folder.root()).output().expect("runs");
+        assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), name);
+    }
+}
+
+#[test]
+fn depth_of_another_rate_is_matched_and_told() {
+    let folder = Folder::empty();
+    let grey = |name: &str, rate: u32, count: usize| {
+        let raw: Vec<u8> = (0..count).flat_map(|number| vec![10 + 10 * number as u8; 8]).collect();
+        std::fs::write(folder.path("raw"), raw).expect("written");
+        let source = format!("-f rawvideo -pix_fmt gray -s 4x2 -r {rate} -i raw");
+        ffmpeg(&folder, &format!("{source} -c:v ffv1 {name}"));
+    };
+    grey("c.mkv", 30, 8);
+    grey("half.mkv", 15, 6);
+    grey("short.mkv", 15, 3);
+    grey("named.mkv", 10, 8);
+    let metres = |depth: &str, index: usize| {
+        let source = open(&folder, &format!("color = 'c.mkv'\ndepth = '{depth}'\nscale = 0.01"));
+        assert!(source.warnings.iter().any(|w| w.contains(depth) && w.contains("colour has 30")), "{depth}");
+        load(&source, index).depth[0]
+    };
+    assert!((metres("half.mkv", 3) - 0.2).abs() < 1e-4 && (metres("half.mkv", 7) - 0.4).abs() < 1e-4);
+    assert!((metres("named.mkv", 7) - 0.8).abs() < 1e-4, "as many frames go by number");
+    let Err(line) = try_open(&folder, "color = 'c.mkv'\ndepth = 'short.mkv'") else { panic!("depth ends too early") };
+    assert!(line.contains("short.mkv") && line.contains("frames = [0, 5]"), "{line}");
+}
+
+/// A child that something else ends, as the kernel does where memory is short, is not taken for a damaged file.
+#[test]
+#[cfg(unix)]
+fn a_killed_child_is_named() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::empty();
+    ffmpeg(&folder, "-f lavfi -i testsrc2=size=64x32:rate=25:duration=1 -c:v ffv1 v.mkv");
+    folder.write("scene.toml", "[panorama]\ncolor = 'v.mkv'\ndepth = 2\n");
+    folder.write("still.toml", "[panorama]\ncolor = 'v.png'\ndepth = 2\n");
+    ffmpeg(&folder, "-i v.mkv -frames:v 1 v.png");
+    // An ffmpeg that ends itself where it would decode or encode.
+    let real = Command::new("sh").args(["-c", "command -v ffmpeg"]).output().expect("runs").stdout;
+    let real = String::from_utf8_lossy(&real).trim().to_owned();
+    std::fs::create_dir(folder.path("bin")).expect("made");
+    let script = format!("#!/bin/sh\ncase \"$*\" in *rawvideo*) kill -9 $$;; esac\nexec {real} \"$@\"\n");
+    folder.write("bin/ffmpeg", &script);
+    std::fs::set_permissions(folder.path("bin/ffmpeg"), std::fs::Permissions::from_mode(0o755)).expect("set");
+    let path = format!("{}:{}", folder.path("bin").display(), std::env::var("PATH").expect("set"));
+    for (arguments, file) in [
+        ("render scene.toml -o a.png --size 32x16 --warmup 0 -q", "v.mkv"),
+        ("render still.toml -o a.mp4 --size 32x16 --warmup 0 -q", "a.mp4"),
+    ] {
+        let output = folder.command().args(arguments.split(' ')).env("PATH", &path).output().expect("runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && said.trim().lines().count() == 1, "{said}");
+        assert!(said.contains(file) && said.contains("ended from outside, by signal 9"), "{said}");
+        assert!(!said.contains("damaged") && !said.contains("--codec"), "{said}");
+    }
+}
+
 #[test]
 fn what_cannot_be_used_is_one_clear_line() {
     let folder = Folder::empty();

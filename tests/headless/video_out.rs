@@ -130,6 +130,72 @@ fn only_the_encoder_loses_what_no_object_influences() {
     assert_eq!(codes(&folder, "-i l.mp4"), codes(&folder, "-i packed.mp4 -vf crop=64:32:0:0 -frames:v 4"));
 }
 
+/// Saturated colours of BT.2020 and P3, most of which Rec. 709 has not.
+#[test]
+fn wide_gamuts_come_through() {
+    let folder = Folder::empty();
+    folder.write(
+        "scene.toml",
+        &SCENE.replace("packed.mp4", "wide.mkv").replace("packing = \"top-bottom\"\nscale = 0.02", "depth = 3"),
+    );
+    for (pixels, tags) in [
+        ("yuv422p10le", "-colorspace bt2020nc -color_primaries bt2020 -color_trc bt2020-10 -color_range tv"),
+        ("yuv444p10le", "-colorspace bt2020nc -color_primaries bt2020 -color_trc smpte2084 -color_range tv"),
+        ("yuv420p", "-colorspace bt709 -color_primaries smpte432 -color_trc bt709 -color_range tv"),
+    ] {
+        let matrix = if tags.contains("bt2020nc") { "bt2020" } else { "bt709" };
+        let video =
+            format!("-vf format=gbrp,scale=out_color_matrix={matrix},format={pixels} -c:v ffv1 {tags} wide.mkv");
+        ffmpeg(&folder, &format!("-f lavfi -i rgbtestsrc=size=64x32:rate=25 -frames:v 2 {video}"));
+        let flags = "--projection equirect --warmup 0 --frames 0..1 -q --codec ffv1";
+        folder.succeeds(&format!("render scene.toml -o plate.mkv {flags} --without-objects"));
+        assert_eq!(codes(&folder, "-i plate.mkv"), codes(&folder, "-i wide.mkv"), "{tags}");
+
+        // In another view, too, where no pixel is the source's own.
+        ffmpeg(&folder, &format!("-f lavfi -i color=0x10e020:size=64x32:rate=25 -frames:v 2 {video}"));
+        folder.succeeds("render scene.toml -o flat.mkv --codec ffv1 --without-objects --warmup 0 --frames 0..0 -q");
+        let middle = |file: &str| codes(&folder, &format!("-i {file} -vf crop=2:2:30:14 -frames:v 1"));
+        assert_eq!(middle("flat.mkv"), middle("wide.mkv"), "{tags}");
+    }
+}
+
+/// What is asked to be lossless is, and what an encoder does not hold is told.
+#[test]
+fn pixels_are_kept_where_the_codec_can() {
+    let folder = Folder::empty();
+    folder.write(
+        "scene.toml",
+        &SCENE.replace("packed.mp4", "v.mkv").replace("packing = \"top-bottom\"\nscale = 0.02", "depth = 3"),
+    );
+    let flags = "--projection equirect --without-objects --warmup 0 --frames 0..1 -q";
+    let tags = "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv";
+    for pixels in ["yuv422p10le", "yuv444p"] {
+        ffmpeg(
+            &folder,
+            &format!("-f lavfi -i testsrc2=size=64x32:rate=25 -frames:v 2 -c:v ffv1 -pix_fmt {pixels} {tags} v.mkv"),
+        );
+        for codec in ["h264", "hevc", "vp9"] {
+            folder.succeeds(&format!("render scene.toml -o out.mp4 --codec {codec} --crf 0 {flags} --strict"));
+            assert_eq!(stream(&probe(&folder, "out.mp4"), "video")["pix_fmt"], pixels, "{codec}");
+            assert_eq!(codes(&folder, "-i out.mp4"), codes(&folder, "-i v.mkv"), "{codec}, {pixels}");
+        }
+    }
+    let wide = "-colorspace bt2020nc -color_primaries bt2020 -color_trc smpte2084 -color_range tv";
+    ffmpeg(
+        &folder,
+        &format!("-f lavfi -i testsrc2=size=64x32:rate=25 -frames:v 2 -c:v ffv1 -pix_fmt yuv420p12le {wide} v.mkv"),
+    );
+    folder.succeeds(&format!("render scene.toml -o out.mp4 --codec h264 {flags}"));
+    assert_eq!(stream(&probe(&folder, "out.mp4"), "video")["pix_fmt"], "yuv420p10le");
+    let output = folder.run(&format!("render scene.toml -o out.mp4 --codec h264 --crf 0 {}", flags.replace(" -q", "")));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("libx264 does not hold yuv420p12le: yuv420p10le"), "{said}");
+    folder.fails(
+        &format!("render scene.toml -o out.mp4 --codec h264 --pix-fmt yuv444p12 {flags}"),
+        &["--pix-fmt", "libx264 does not hold yuv444p12le", "yuv444p10le"],
+    );
+}
+
 #[test]
 fn hdr_goes_out_as_it_came_in() {
     let folder = Folder::empty();
@@ -247,6 +313,23 @@ fn an_interrupted_video_goes_on() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && !said.contains("goes on"), "{said}");
     assert_eq!(stream(&probe(&folder, "other.mp4"), "video")["nb_read_frames"], "50");
+}
+
+/// Where nothing can be written, as on a full disk, nothing is left behind.
+#[test]
+#[cfg(unix)]
+fn a_full_disk_leaves_no_folder_of_parts() {
+    let folder = Folder::with_scene();
+    // Files have no room for a byte.
+    let line = format!(
+        "trap '' XFSZ; ulimit -f 0; exec {} render scene.toml -o a.mp4 --size 32x16 --warmup 0 -q",
+        env!("CARGO_BIN_EXE_iprt")
+    );
+    let output = Command::new("bash").args(["-c", &line]).current_dir(folder.root()).output().expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("cannot be written"), "{said}");
+    let left: Vec<_> = folder.root().read_dir().expect("readable").map(|f| f.expect("readable").file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().starts_with('.')), "{left:?}");
 }
 
 #[test]
