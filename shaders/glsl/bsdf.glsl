@@ -325,11 +325,11 @@ vec3 medium_passes(vec3 medium, Surface s, float distance) {
     return exp(-(s.solid && s.inside && s.transmission > 0.0 ? s.extinction : medium) * distance);
 }
 
-const float WIDE = 0.05; // radians
+const float WIDEST_SPREAD = 0.05; // radians
 
 // Returns how far apart the directions are, radians, that one path of a lobe stands for where it reads textures.
 float lobe_spread(Surface s, uint lobe) {
-    if (lobe == DIFFUSE || lobe == SHEEN_LOBE) return WIDE;
+    if (lobe == DIFFUSE || lobe == SHEEN_LOBE) return WIDEST_SPREAD;
     float roughness = CLEARCOAT != 0u && lobe == COAT ? s.clearcoat_roughness : s.roughness;
-    return min(WIDE, 0.5 * roughness * roughness);
+    return min(WIDEST_SPREAD, 0.5 * roughness * roughness);
 }

@@ -33,7 +33,7 @@ void real_surface_light(ivec2 p) {
             factor = chosen(p, share) ? 1.0 / share : 0.0;
         }
         radiance = (PI * factor) * ray.weight * hit_radiance(ray.real);
-        change = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, Passage(true, 0.0, WIDE, vec3(0.0)), random) - radiance;
+        change = (PI * factor) * weight * incoming(from.off_virtual, ray, hit, Passage(true, 0.0, WIDEST_SPREAD, vec3(0.0)), random) - radiance;
         if (PATH_LIMIT != 0u && is_by_chance(aim)) {
             vec2 limit = path_limit(p, REAL) / units;
             radiance = limited(radiance, limit.x);
