@@ -21,8 +21,8 @@
 //!   colours. It writes PNG and EXR, and never leaves half a file.
 //! * [`media`] reads and writes videos by `ffmpeg`, whose frames cross pipes.
 //! * [`settings`]: every approximation is a named value. A [`settings::Method`] is a preset of them.
-//! * [`panorama`] loads the video's frames as linear radiance and metres, maps directions to texels, and
-//!   finds the floor.
+//! * [`panorama`] loads the video's frames as codes, or as linear radiance, and metres, maps directions to
+//!   texels, and finds the floor.
 //! * [`scene`] reads scene files and glTF objects, and has built-in [`scene::rooms`]. A [`scene::Scene`]
 //!   gives the state of camera and objects at any time.
 //! * [`options`]: what to render, and how.
@@ -49,8 +49,8 @@
 //!
 //! [`renderer::Renderer::begin`] records it, from top to bottom:
 //!
-//! 1. For a new video frame, from the panorama alone: [`passes::radiance_pyramid`], [`passes::normals`],
-//!    [`passes::depth_pyramid`], [`passes::light_table`].
+//! 1. For a new video frame, from the panorama alone: [`passes::ingest`], [`passes::radiance_pyramid`],
+//!    [`passes::normals`], [`passes::depth_pyramid`], [`passes::light_table`].
 //! 2. *relight* runs the passes of 3 on a coarse panoramic view, so that rays see real surfaces with the
 //!    light that objects leave them.
 //! 3. [`passes::gbuffer`], [`passes::sampling_mask`], [`passes::irradiance`], [`passes::interpolate`],

@@ -22,6 +22,7 @@ use crate::{
         depth_pyramid::DepthPyramid,
         fault::planted,
         gbuffer::Gbuffer,
+        ingest::Ingest,
         interpolate::Interpolate,
         irradiance::Irradiance,
         light_table::LightTable,
@@ -98,6 +99,7 @@ const IN_FLIGHT: usize = 2;
 
 /// The passes that run for a new video frame.
 struct Preparation {
+    ingest: Option<Ingest>,
     radiance_pyramid: Option<RadiancePyramid>,
     normals: Option<Normals>,
     depth_pyramid: Option<DepthPyramid>,
@@ -210,7 +212,11 @@ impl Renderer {
     /// Runs once per video frame. Derives what comes from the panorama alone.
     fn prepare_panorama(&self, frame: &mut Frame, state: &FrameState) -> Result<()> {
         let (view, panorama) = (&self.picture.resources, &self.panorama);
-        let (Some(_), Some(passes)) = (&state.content, &self.preparation) else { return Ok(()) };
+        let (Some(content), Some(passes)) = (&state.content, &self.preparation) else { return Ok(()) };
+        if let (Some(ingest), Some(_)) = (&passes.ingest, content.radiance.codes()) {
+            ingest.record(frame, panorama)?;
+            frame.barrier("all passes read the radiance that ingest made");
+        }
         if let Some(radiance_pyramid) = &passes.radiance_pyramid {
             radiance_pyramid.record(frame, panorama)?;
         }

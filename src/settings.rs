@@ -235,6 +235,7 @@ settings! {
         reflections: Presence = [Presence::Auto, Presence::Off, Presence::Auto, Presence::Auto], ANY, "", "reflections in smooth surfaces: their history moves as the reflected picture does; off: as the surface does";
         deformation: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "objects that change their shape: skins and morph targets; off: their rest pose";
         free_lamps: Presence = [Presence::Auto, Presence::Off, Presence::Off, Presence::Auto], ANY, "", "small lamps that hang free before what lies behind them: ellipsoids instead of a few texels of the surface";
+        ingest: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "a video's codes become radiance on the device; off: on the processor";
         radiance_pyramid: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "mip levels of a panorama that is finer than the picture";
         specular: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "the GGX lobe of virtual surfaces";
         emission: Presence = [Presence::Auto, Presence::Auto, Presence::Auto, Presence::Auto], ANY, "", "virtual surfaces that shine";

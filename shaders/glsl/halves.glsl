@@ -17,10 +17,10 @@ vec4 from_halves(vec4 t) {
     return vec4(t.rgb * scale, root * root);
 }
 
-// Packs a texel that shines as it shows.
-vec4 to_halves(vec3 radiance) {
+// Packs a texel that shines by this factor more than it shows.
+vec4 to_halves(vec3 radiance, float factor) {
     float top = max(radiance.r, max(radiance.g, radiance.b));
     float scale = top > HALF_MOST ? 1.0 / HALF_SCALE : top < HALF_DARK ? HALF_SCALE : 1.0;
-    float root = top > HALF_MOST ? -1.0 : top < HALF_DARK ? 1.0 / HALF_ROOT : 1.0;
-    return vec4(min(radiance * scale, vec3(HALF_MOST)), root);
+    float root = sqrt(factor) * (top > HALF_MOST ? -1.0 : top < HALF_DARK ? 1.0 / HALF_ROOT : 1.0);
+    return vec4(clamp(radiance * scale, -HALF_MOST, HALF_MOST), root);
 }

@@ -26,6 +26,6 @@ void main() {
             total += w;
         }
     }
-    if (HALVES != 0u) imageStore(out_half_level, p, to_halves(sum.rgb / total));
+    if (HALVES != 0u) imageStore(out_half_level, p, to_halves(sum.rgb / total, 1.0));
     else imageStore(out_level, p, sum / total);
 }

@@ -4,6 +4,7 @@ use crate::{
     Error, Result,
     image_file::color_space::{ColorSpace, Transfer},
 };
+use glam::Vec3;
 use std::fmt;
 
 /// What the planes are.
@@ -128,14 +129,18 @@ impl Format {
     }
 
     /// Width and height of each plane.
-    pub fn planes(&self, [width, height]: [u32; 2]) -> Vec<[usize; 2]> {
+    pub fn planes(&self, size: [u32; 2]) -> Vec<[usize; 2]> {
+        let count = if self.kind == Kind::Gray { 1 } else { 3 };
+        (0..count).map(|index| self.plane(size, index).1).collect()
+    }
+
+    /// Where a plane begins, counted in codes, and its width and height.
+    pub fn plane(&self, [width, height]: [u32; 2], index: usize) -> (usize, [usize; 2]) {
         let whole = [width as usize, height as usize];
         let chroma = [width.div_ceil(1 << self.sub[0]) as usize, height.div_ceil(1 << self.sub[1]) as usize];
-        match self.kind {
-            Kind::Gray => vec![whole],
-            Kind::Yuv => vec![whole, chroma, chroma],
-            Kind::Gbr => vec![whole; 3],
-        }
+        let other = if self.kind == Kind::Yuv { chroma } else { whole };
+        let area = |[width, height]: [usize; 2]| width * height;
+        if index == 0 { (0, whole) } else { (area(whole) + (index - 1) * area(other), other) }
     }
 
     /// Bytes of a frame.
@@ -184,6 +189,13 @@ impl Matrix {
             Self::Smpte240m => "smpte240m",
             Self::Fcc => "fcc",
         }
+    }
+
+    /// What Cb and Cr of 1 add to R'G'B'.
+    pub fn columns(self) -> [Vec3; 2] {
+        let [kr, kb] = self.weights();
+        let (red, blue, kg) = (2.0 * (1.0 - kr), 2.0 * (1.0 - kb), 1.0 - kr - kb);
+        [Vec3::new(0.0, -kb * blue / kg, blue), Vec3::new(red, -kr * red / kg, 0.0)]
     }
 
     /// The shares of red and blue in luma.

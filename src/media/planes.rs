@@ -3,7 +3,7 @@
 use super::format::{Format, Kind, Matrix, Tags};
 use crate::{
     Error, Result,
-    image_file::{CodeImage, ColorImage, FileImage, Raster, Samples},
+    image_file::{CodeImage, ColorImage, FileImage, Raster, Samples, color_space::Transfer},
 };
 use glam::Vec3;
 use rayon::prelude::*;
@@ -30,22 +30,52 @@ pub struct Planes<'a> {
     pub bytes: &'a [u8],
 }
 
-/// How many steps a transfer curve is tabulated in; between them it is taken to be straight.
-const STEPS: usize = 8192;
+/// A transfer curve as a table; between its steps it is taken to be straight.
+#[derive(Clone, Debug)]
+pub struct Curve(pub Vec<f32>);
+
+impl Curve {
+    /// How many steps lie between 0 and 1. Behind them the last value comes once more.
+    pub const STEPS: usize = 8192;
+
+    pub fn of(transfer: &Transfer) -> Self {
+        let at = |step: usize| step.min(Self::STEPS) as f32 / Self::STEPS as f32;
+        Self((0..=Self::STEPS + 1).map(|step| transfer.linear(at(step), 0)).collect())
+    }
+
+    pub fn linear(&self, code: f32) -> f32 {
+        let at = code.clamp(0.0, 1.0) * Self::STEPS as f32;
+        let below = at as usize;
+        mix(self.0[below], self.0[below + 1], at - below as f32)
+    }
+}
+
+/// The number of a sample among those around a panorama, of which it is at most one beyond.
+fn around(index: i64, count: usize) -> usize {
+    let count = count as i64;
+    (if index < 0 {
+        index + count
+    } else if index >= count {
+        index - count
+    } else {
+        index
+    }) as usize
+}
+
+fn mix(a: f32, b: f32, weight: f32) -> f32 {
+    a + (b - a) * weight
+}
 
 impl Planes<'_> {
     fn plane(&self, index: usize) -> (Codes<'_>, usize) {
-        let planes = self.format.planes(self.size);
-        let before: usize = planes[..index].iter().map(|[w, h]| w * h).sum();
-        let [width, height] = planes[index];
+        let (start, [width, height]) = self.format.plane(self.size, index);
         let bytes = self.format.code_bytes();
-        let range = before * bytes..(before + width * height) * bytes;
-        let codes = &self.bytes[range];
+        let codes = &self.bytes[start * bytes..(start + width * height) * bytes];
         (if bytes == 1 { Codes::Bytes(codes) } else { Codes::Words(codes) }, width)
     }
 
     /// Offset and factor that make luma (or red, green, blue) 0..1, and the same for chroma, −½..½.
-    fn scales(&self) -> [[f32; 2]; 2] {
+    pub fn scales(&self) -> [[f32; 2]; 2] {
         let unit = (1_u32 << (self.format.bits - 8)) as f32;
         if self.tags.full_range || self.format.kind != Kind::Yuv {
             let largest = self.format.largest();
@@ -68,8 +98,6 @@ impl Planes<'_> {
             Kind::Gray => out.extend(luma(0).map(|v| [v; 3])),
             Kind::Gbr => out.extend(luma(0).zip(luma(1)).zip(luma(2)).map(|((g, b), r)| [r, g, b])),
             Kind::Yuv => {
-                let [kr, kb] = self.tags.matrix.weights();
-                let kg = 1.0 - kr - kb;
                 if self.tags.matrix == Matrix::Rgb {
                     let [cb, cr] = [1, 2].map(|plane| self.chroma_row(plane, part, y));
                     let code = |c: f32| (c + y_offset) * y_scale;
@@ -78,11 +106,92 @@ impl Planes<'_> {
                 }
                 let [cb, cr] = [1, 2].map(|plane| self.chroma_row(plane, part, y));
                 let scaled = |c: f32| (c + c_offset) * c_scale;
-                out.extend(luma(0).zip(cb.iter().zip(&cr)).map(|(y, (cb, cr))| {
-                    let (cb, cr) = (scaled(*cb), scaled(*cr));
-                    let (r, b) = (y + 2.0 * (1.0 - kr) * cr, y + 2.0 * (1.0 - kb) * cb);
-                    [r, (y - kr * r - kb * b) / kg, b]
-                }));
+                let [of_cb, of_cr] = self.tags.matrix.columns();
+                out.extend(
+                    luma(0)
+                        .zip(cb.iter().zip(&cr))
+                        .map(|(y, (cb, cr))| (Vec3::splat(y) + scaled(*cb) * of_cb + scaled(*cr) * of_cr).to_array()),
+                );
+            }
+        }
+    }
+
+    /// The place of a part's pixel among its chroma samples along an axis: the one before, and the weight of the next.
+    fn place(&self, part: Part, pixel: u32, axis: usize) -> (i64, f32) {
+        let sub = self.format.sub[axis];
+        // In halves of a pixel.
+        let (at, step) = (2 * i64::from(part.from[axis] + pixel) - self.shift(axis), 2_i64 << sub);
+        ((at >> (sub + 1)) - i64::from(part.from[axis] >> sub), (at & (step - 1)) as f32 / step as f32)
+    }
+
+    /// How far the first chroma sample lies from the first pixel along an axis, in halves of a pixel.
+    pub fn shift(&self, axis: usize) -> i64 {
+        if self.tags.siting.middle[axis] { (1 << self.format.sub[axis]) - 1 } else { 0 }
+    }
+
+    /// The first chroma sample of a part along an axis, and how many there are.
+    pub fn chroma_range(&self, part: Part, axis: usize) -> (usize, usize) {
+        let sub = self.format.sub[axis];
+        let (first, last) = (part.from[axis] >> sub, (part.from[axis] + part.size[axis] - 1) >> sub);
+        (first as usize, (last - first + 1) as usize)
+    }
+
+    /// R'G'B' of one pixel of a part, as [`Planes::row`] has it. The matrix must not be [`Matrix::Rgb`] for planes of chroma.
+    pub fn pixel(&self, part: Part, [x, y]: [u32; 2]) -> Vec3 {
+        let [[y_offset, y_scale], [c_offset, c_scale]] = self.scales();
+        let luma = |plane: usize| {
+            let (codes, stride) = self.plane(plane);
+            (codes.at((part.from[1] + y) as usize * stride + (part.from[0] + x) as usize) + y_offset) * y_scale
+        };
+        match self.format.kind {
+            Kind::Gray => Vec3::splat(luma(0)),
+            Kind::Gbr => Vec3::new(luma(2), luma(0), luma(1)),
+            Kind::Yuv => {
+                let ((first_x, columns), (first_y, rows)) = (self.chroma_range(part, 0), self.chroma_range(part, 1));
+                let ((left, across), (above, down)) = (self.place(part, x, 0), self.place(part, y, 1));
+                let columns = [left, left + 1].map(|x| first_x + around(x, columns));
+                let [cb, cr] = [1, 2].map(|plane| {
+                    let (codes, stride) = self.plane(plane);
+                    let row = |y: i64| (first_y + y.clamp(0, rows as i64 - 1) as usize) * stride;
+                    let [a, b] = columns.map(|x| mix(codes.at(row(above) + x), codes.at(row(above + 1) + x), down));
+                    (mix(a, b, across) + c_offset) * c_scale
+                });
+                let [of_cb, of_cr] = self.tags.matrix.columns();
+                Vec3::splat(luma(0)) + cb * of_cb + cr * of_cr
+            }
+        }
+    }
+
+    /// What the largest of R'G'B' of each pixel of a row of a part is at most.
+    pub fn bounds(&self, part: Part, y: u32) -> Vec<f32> {
+        let [[y_offset, y_scale], [c_offset, c_scale]] = self.scales();
+        let row = |plane: usize| {
+            let (codes, stride) = self.plane(plane);
+            let start = (part.from[1] + y) as usize * stride + part.from[0] as usize;
+            (0..part.size[0] as usize).map(move |x| (codes.at(start + x) + y_offset) * y_scale)
+        };
+        match self.format.kind {
+            Kind::Gray => row(0).collect(),
+            Kind::Gbr => row(0).zip(row(1)).zip(row(2)).map(|((g, b), r)| r.max(g).max(b)).collect(),
+            Kind::Yuv => {
+                // Between chroma samples nothing is beyond them.
+                let ((first_x, columns), (first_y, rows)) = (self.chroma_range(part, 0), self.chroma_range(part, 1));
+                let [(cb, stride), (cr, _)] = [1, 2].map(|plane| self.plane(plane));
+                let [of_cb, of_cr] = self.tags.matrix.columns();
+                let (above, _) = self.place(part, y, 1);
+                let mut most = vec![f32::MIN; columns];
+                for y in [above, above + 1] {
+                    let start = (first_y + y.clamp(0, rows as i64 - 1) as usize) * stride + first_x;
+                    for (x, most) in most.iter_mut().enumerate() {
+                        let [cb, cr] = [cb, cr].map(|plane| (plane.at(start + x) + c_offset) * c_scale);
+                        *most = most.max((cb * of_cb + cr * of_cr).max_element());
+                    }
+                }
+                let most_at = |x: usize| {
+                    let (left, _) = self.place(part, x as u32, 0);
+                    most[around(left, columns)].max(most[around(left + 1, columns)])
+                };
+                row(0).enumerate().map(|(x, luma)| luma + most_at(x)).collect()
             }
         }
     }
@@ -91,34 +200,16 @@ impl Planes<'_> {
     /// across it closes, as a panorama does.
     fn chroma_row(&self, plane: usize, part: Part, y: u32) -> Vec<f32> {
         let (codes, stride) = self.plane(plane);
-        let [sub_x, sub_y] = self.format.sub;
-        let range = |axis: usize, sub: u32| {
-            let first = part.from[axis] >> sub;
-            let last = (part.from[axis] + part.size[axis] - 1) >> sub;
-            (first as usize, (last - first + 1) as usize)
-        };
-        let ((first_x, columns), (first_y, rows)) = (range(0, sub_x), range(1, sub_y));
-        // The place of a pixel among chroma samples: the one before, and the weight of the next.
-        let place = |pixel: u32, axis: usize| {
-            let (sub, first) = (self.format.sub[axis], (part.from[axis] >> self.format.sub[axis]) as f32);
-            let step = (1_u32 << sub) as f32;
-            let shift = if self.tags.siting.middle[axis] { 0.5 * (step - 1.0) } else { 0.0 };
-            let at = ((part.from[axis] + pixel) as f32 - shift) / step - first;
-            (at.floor() as i64, at - at.floor())
-        };
-        let (above, weight) = place(y, 1);
+        let ((first_x, columns), (first_y, rows)) = (self.chroma_range(part, 0), self.chroma_range(part, 1));
+        let (above, weight) = self.place(part, y, 1);
         let row = |index: i64| (first_y + index.clamp(0, rows as i64 - 1) as usize) * stride + first_x;
         let (a, b) = (row(above), row(above + 1));
-        let down: Vec<f32> = if weight == 0.0 || a == b {
-            (0..columns).map(|x| codes.at(a + x)).collect()
-        } else {
-            (0..columns).map(|x| codes.at(a + x) * (1.0 - weight) + codes.at(b + x) * weight).collect()
-        };
-        let wrapped = |index: i64| down[index.rem_euclid(columns as i64) as usize];
+        let down: Vec<f32> = (0..columns).map(|x| mix(codes.at(a + x), codes.at(b + x), weight)).collect();
+        let wrapped = |index: i64| down[around(index, columns)];
         (0..part.size[0])
             .map(|x| {
-                let (left, weight) = place(x, 0);
-                if weight == 0.0 { wrapped(left) } else { wrapped(left) * (1.0 - weight) + wrapped(left + 1) * weight }
+                let (left, weight) = self.place(part, x, 0);
+                mix(wrapped(left), wrapped(left + 1), weight)
             })
             .collect()
     }
@@ -140,13 +231,8 @@ impl Planes<'_> {
     /// The linear picture of a part, in Rec. 709. Where a colour is beyond it, a channel is negative.
     pub fn color(&self, part: Part) -> ColorImage {
         let space = &self.tags.space;
-        let curve: Vec<f32> =
-            (0..=STEPS + 1).map(|i| space.transfer.linear(i.min(STEPS) as f32 / STEPS as f32, 0)).collect();
-        let linear = |code: f32| {
-            let at = code.clamp(0.0, 1.0) * STEPS as f32;
-            let below = at as usize;
-            curve[below] + (curve[below + 1] - curve[below]) * (at - below as f32)
-        };
+        let curve = Curve::of(&space.transfer);
+        let linear = |code: f32| curve.linear(code);
         let width = part.size[0] as usize;
         let mut texels = vec![[0.0, 0.0, 0.0, 1.0]; width * part.size[1] as usize];
         let row = |(y, texels): (usize, &mut [[f32; 4]]), codes: &mut Vec<[f32; 3]>| {

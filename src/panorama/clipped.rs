@@ -21,7 +21,7 @@ use serde::Serialize;
 /// be a few less than 255 after lossy coding.
 const CLIPPED: f32 = 0.955;
 /// The most lamps that have factors of their own. Smaller ones share one.
-const MOST_GROUPS: usize = 10;
+pub const MOST_GROUPS: usize = 10;
 /// The smallest solid angle of a lamp, sr: a texel of 1024×512.
 const SMALLEST: f32 = 3e-5;
 /// A factor's bounds.
@@ -53,6 +53,13 @@ pub struct ClippedLamp {
     pub factor: f32,
 }
 
+impl ClippedLamp {
+    /// The angle from its middle to its rim, if it is round.
+    pub fn reach(&self) -> f32 {
+        (self.solid_angle / std::f32::consts::PI).sqrt()
+    }
+}
+
 /// The lamps of a capture that were clipped.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Clipped {
@@ -70,11 +77,8 @@ impl Clipped {
     }
 
     /// Returns the factor of a clipped texel in a direction: that of the nearest lamp, by angle.
-    fn factor(&self, direction: Vec3) -> f32 {
-        let near = |lamp: &&ClippedLamp| {
-            let reach = (lamp.solid_angle / std::f32::consts::PI).sqrt();
-            direction.angle_between(Vec3::from(lamp.direction)) - reach
-        };
+    pub(super) fn factor(&self, direction: Vec3) -> f32 {
+        let near = |lamp: &&ClippedLamp| direction.angle_between(Vec3::from(lamp.direction)) - lamp.reach();
         self.lamps.iter().min_by(|a, b| near(a).total_cmp(&near(b))).map_or(1.0, |lamp| lamp.factor)
     }
 
@@ -87,6 +91,9 @@ impl Clipped {
     pub fn raise(&self, frame: &mut PanoramaFrame, white: f32) {
         if !self.raises() {
             return;
+        }
+        if let Some(codes) = frame.radiance.codes_mut() {
+            return codes.raise(self, CLIPPED * white);
         }
         let size = frame.color_size;
         frame.radiance.change(|first, texels| {

@@ -141,7 +141,13 @@ impl Rule {
             let metres = metres as f32;
             if metres.is_finite() && metres > 0.0 { metres } else { 0.0 }
         };
-        codes.par_iter_mut().enumerate().for_each(|(index, code)| *code = metres(index, *code));
+        // Whole codes repeat. What they mean does not depend on the place, but for planar depth.
+        let many = codes.len() > 1 << 18 && self.encoding != DepthEncoding::Planar;
+        let known: Vec<f32> = (0..if many { 1 << 16 } else { 0 }).map(|code| metres(0, code as f32)).collect();
+        codes.par_iter_mut().enumerate().for_each(|(index, code)| {
+            let same = known.get(*code as usize).filter(|_| f32::from(*code as u16) == *code);
+            *code = same.copied().unwrap_or_else(|| metres(index, *code));
+        });
         codes
     }
 
@@ -271,6 +277,17 @@ mod tests {
             rule(DepthEncoding::Disparity, 6.0, -1.0).metres(codes.to_vec(), [6, 1]),
             [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]
         );
+    }
+
+    #[test]
+    fn many_codes_mean_what_few_mean() {
+        let codes: Vec<f32> =
+            (0..600_000).map(|i| (i % 70_000) as f32 * if i % 3 == 0 { -0.25 } else { 1.0 }).collect();
+        for encoding in [DepthEncoding::Radial, DepthEncoding::Disparity] {
+            let rule = rule(encoding, 3.0, -7.5);
+            let few: Vec<f32> = codes.chunks(600).flat_map(|codes| rule.metres(codes.to_vec(), [600, 1])).collect();
+            assert_eq!(rule.metres(codes.clone(), [600, 1000]), few);
+        }
     }
 
     #[test]

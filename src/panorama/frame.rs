@@ -1,6 +1,7 @@
 //! Makes a frame of what was read: mends colour and depth, and warns of what is unusual about them.
 
 use super::{
+    codes::Codes,
     cube,
     depth::{Quantisation, Rule, box_depth, length_words, unit_warning},
     level::Levelling,
@@ -34,11 +35,11 @@ impl Picture {
     }
 
     /// Returns the colour, and the depth codes if it holds both.
-    fn color(self, spec: &PanoramaSpec) -> Result<(Colors, Option<CodeImage>)> {
+    fn color(self, spec: &PanoramaSpec) -> Result<(Read, Option<CodeImage>)> {
         let (color, packed) = match self {
             Self::File { subject, path } if spec.packing == Packing::Separate => {
                 if !spec.cubes[0] && !cube::has_faces(&path) {
-                    return Ok((Colors::Rows(Rows::open(&path, spec.color_layer.as_deref())?), None));
+                    return Ok((Read::Colors(Colors::Rows(Rows::open(&path, spec.color_layer.as_deref())?)), None));
                 }
                 (cube::read(&path)?.color_of(spec.color_layer.as_deref(), &subject)?, None)
             }
@@ -49,15 +50,19 @@ impl Picture {
             Self::Video { subject, info, codes } => {
                 no_layer(spec.color_layer.as_deref(), &subject)?;
                 let planes = info.planes(&codes);
-                if spec.packing == Packing::Separate {
-                    (planes.color(Part::whole(info.size)), None)
+                let (part, packed) = if spec.packing == Packing::Separate {
+                    (Part::whole(info.size), None)
                 } else {
                     let [color, depth] = halves(info.size, spec.packing, &subject)?;
-                    (planes.color(color), Some(planes.codes(depth, &subject)?))
+                    (color, Some(planes.codes(depth, &subject)?))
+                };
+                if Codes::serve(&info, spec) {
+                    return Ok((Read::Codes(Codes::new(Arc::clone(&info), Arc::clone(&codes), part, spec)), packed));
                 }
+                (planes.color(part), packed)
             }
         };
-        Ok((Colors::Image(color), packed))
+        Ok((Read::Colors(Colors::Image(color)), packed))
     }
 
     fn codes(self, layer: Option<&str>) -> Result<CodeImage> {
@@ -85,6 +90,12 @@ enum Colors {
     Image(ColorImage),
 }
 
+/// The colours of a picture, or a video's codes, which stay what they are.
+enum Read {
+    Colors(Colors),
+    Codes(Codes),
+}
+
 /// Makes a frame from what was read. `number` is that of a file or of a video's frame, and
 /// `is_first` says that it is the first one of the panorama. Returns also the picture's size in the file.
 pub(super) fn make_frame(
@@ -100,13 +111,22 @@ pub(super) fn make_frame(
     ask_device(&color, depth.as_ref(), spec)?;
     let (color, mut packed) = color.color(spec)?;
     let color = match color {
-        Colors::Image(image) if spec.cubes[0] => Colors::Image(cube::color(image, &subject)?),
+        Read::Colors(Colors::Image(image)) if spec.cubes[0] => {
+            Read::Colors(Colors::Image(cube::color(image, &subject)?))
+        }
         other => other,
     };
     if spec.cubes[1] {
         packed = packed.map(|codes| cube::codes(codes, &subject)).transpose()?;
     }
-    let mut color = mended(color, spec, &subject, of_video, &mut warnings)?;
+    let mut color = match color {
+        Read::Colors(colors) => mended(colors, spec, &subject, of_video, &mut warnings)?,
+        Read::Codes(codes) => {
+            let (size, ldr) = (codes.part().size, codes.is_ldr());
+            check_aspect(size, &subject, &mut warnings);
+            Mended { size, texels: codes.into(), ldr, taken: None, picture_size: size }
+        }
+    };
     let mut taken = [color.taken.take(), None];
     let picture_size = color.picture_size;
 
@@ -223,7 +243,9 @@ fn forget_masked(color: &mut Mended, mask: &ColorImage) {
 /// Makes texels of which nothing is known black, and holes in the depth. Returns how many there are.
 fn forget_unknown(color: &mut Mended, depth_size: [u32; 2], depth: &mut [f32]) -> usize {
     let [width, height] = color.size.map(|side| side as usize);
-    let count = color.texels.par_iter().filter(|texel| texel[3] == 0.0).count();
+    // A video's codes are all known.
+    let all_known = color.texels.codes().is_some();
+    let count = if all_known { 0 } else { color.texels.par_iter().filter(|texel| texel[3] == 0.0).count() };
     if count > 0 {
         let columns = depth_size[0] as usize;
         for (index, metres) in depth.iter_mut().enumerate() {

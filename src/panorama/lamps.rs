@@ -7,13 +7,14 @@
 
 use super::{
     depth::Quantisation,
-    light::mean_luminance,
+    light::mean_luminance_by,
     mapping::{coordinates, neighbours, texel_direction, wrap},
     source::PanoramaFrame,
 };
 use glam::{DVec2, DVec3, Vec3, dvec2};
 use rayon::prelude::*;
 use std::{
+    cell::Cell,
     collections::HashMap,
     f64::consts::{PI, TAU},
 };
@@ -82,22 +83,21 @@ pub fn find(frame: &PanoramaFrame) -> FreeLamps {
     FreeLamps { lamps, depth }
 }
 
-/// What a texel was found to be.
-#[derive(Clone, Copy, PartialEq)]
-enum Seen {
-    No,
-    /// It belongs to the lamp of this number, or to its rim.
-    Lamp(u32),
-    /// It is bright, but too large for a lamp.
-    Large,
-}
+/// What a texel was found to be: nothing yet, bright but too large for a lamp, or else the number of the lamp to which, or to
+/// whose rim, it belongs.
+type Seen = u16;
+const NO: Seen = 0;
+const TOO_LARGE: Seen = Seen::MAX;
 
 struct Scan<'a> {
     frame: &'a PanoramaFrame,
     mean: f64,
-    /// What bright texels and those around them are.
-    seen: HashMap<u32, Seen>,
-    lamps: u32,
+    /// The luminances that were asked for, and NaN for others, so that a video's codes are not read twice. Empty if there
+    /// are no codes.
+    luminances: Vec<Cell<f32>>,
+    /// What each texel was found to be.
+    seen: Vec<Seen>,
+    lamps: Seen,
 }
 
 /// The sum of a solid angle's moments, for a mean direction and a shape.
@@ -182,22 +182,38 @@ fn texels_near(direction: DVec3, angle: f64, size: [u32; 2]) -> Vec<u32> {
 
 impl<'a> Scan<'a> {
     fn new(frame: &'a PanoramaFrame) -> Self {
-        Self { frame, mean: f64::from(mean_luminance(frame)), seen: HashMap::new(), lamps: 0 }
+        // A texel in 0.35° tells the mean.
+        let [width, height] = frame.color_size;
+        let mean = mean_luminance_by(frame, height.div_ceil(512).min(width) as usize);
+        let count = frame.radiance.len();
+        let luminances = if frame.radiance.codes().is_some() { vec![Cell::new(f32::NAN); count] } else { Vec::new() };
+        Self { frame, mean: f64::from(mean), luminances, seen: vec![NO; count], lamps: 0 }
     }
 
     fn luminance(&self, texel: u32) -> f32 {
-        luminance(&self.frame.radiance.at(texel as usize))
+        let kept = self.luminances.get(texel as usize);
+        kept.map(Cell::get).filter(|kept| !kept.is_nan()).unwrap_or_else(|| {
+            let value = luminance(&self.frame.radiance.at(texel as usize));
+            if let Some(kept) = kept {
+                kept.set(value);
+            }
+            value
+        })
     }
 
     fn seen(&self, texel: u32) -> Seen {
-        self.seen.get(&texel).copied().unwrap_or(Seen::No)
+        self.seen[texel as usize]
     }
 
     /// Texels that may be a lamp's, the brightest first.
     fn seeds(&self) -> Vec<u32> {
         let least = (ABOVE_MEAN * self.mean) as f32;
-        let all = self.frame.radiance.par_iter().enumerate().map(|(at, texel)| (luminance(&texel), at as u32));
-        let mut seeds: Vec<(f32, u32)> = all.filter(|(l, _)| *l > least && *l > 0.0).collect();
+        let mut seeds = self.frame.radiance.brighter(least.max(0.0), luminance);
+        for (value, at) in &seeds {
+            if let Some(kept) = self.luminances.get(*at as usize) {
+                kept.set(*value);
+            }
+        }
         seeds.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         seeds.into_iter().map(|(_, at)| at).collect()
     }
@@ -223,13 +239,13 @@ impl<'a> Scan<'a> {
     /// The connected texels about as bright as the seed. `None` if the seed is known already, or if they
     /// are too many for a lamp.
     fn core(&mut self, seed: u32) -> Option<Vec<u32>> {
-        if self.seen(seed) != Seen::No {
+        if self.seen(seed) != NO || self.lamps + 1 == TOO_LARGE {
             return None;
         }
         let least = OF_PEAK as f32 * self.luminance(seed);
         self.lamps += 1;
-        let own = Seen::Lamp(self.lamps);
-        self.seen.insert(seed, own);
+        let own = self.lamps;
+        self.seen[seed as usize] = own;
         let (mut core, mut next, mut angle, mut large) = (vec![seed], 0, 0.0, false);
         while next < core.len() && !large {
             let texel = core[next];
@@ -241,15 +257,16 @@ impl<'a> Scan<'a> {
                     continue;
                 }
                 // A brighter lamp beside it, or a window of which this is a part.
-                large |= self.seen(other) == Seen::Large;
-                if self.seen(other) == Seen::No {
-                    self.seen.insert(other, own);
+                large |= self.seen(other) == TOO_LARGE;
+                if self.seen(other) == NO {
+                    self.seen[other as usize] = own;
                     core.push(other);
                 }
             }
         }
         if large {
-            self.seen.extend(core.iter().map(|texel| (*texel, Seen::Large)));
+            core.iter().for_each(|texel| self.seen[*texel as usize] = TOO_LARGE);
+            self.lamps -= 1;
             return None;
         }
         // Texels that show a part of the lamp are no lamps of their own.
@@ -257,8 +274,8 @@ impl<'a> Scan<'a> {
         for _ in 0..2 {
             for texel in std::mem::take(&mut rim) {
                 for other in neighbours(texel, self.frame.color_size) {
-                    if self.seen(other) == Seen::No {
-                        self.seen.insert(other, own);
+                    if self.seen(other) == NO {
+                        self.seen[other as usize] = own;
                         rim.push(other);
                     }
                 }
@@ -307,7 +324,7 @@ impl<'a> Scan<'a> {
         let (mut inside, mut ring) = (Vec::new(), Vec::new());
         for at in texels_near(ellipse.direction, reach, size) {
             let d = self.direction(at);
-            let foreign = self.seen(at) != Seen::No && self.seen(at) != own;
+            let foreign = self.seen(at) != NO && self.seen(at) != own;
             if !ellipse.holds(d, outer) || foreign {
                 continue;
             }

@@ -10,11 +10,17 @@ pub const CELLS: [u32; 2] = [256, 128];
 
 /// Returns the mean luminance over all directions.
 pub fn mean_luminance(frame: &PanoramaFrame) -> f32 {
+    mean_luminance_by(frame, 1)
+}
+
+/// Returns the same of every so manyth column of every so manyth row, of which there must be one.
+pub fn mean_luminance_by(frame: &PanoramaFrame, step: usize) -> f32 {
     let [width, height] = frame.color_size.map(|side| side as usize);
-    let rows = (0..height).into_par_iter().map(|y| {
+    let rows = (step / 2..height).into_par_iter().step_by(step).map(|y| {
         let weight = (PI * (y as f64 + 0.5) / height as f64).sin();
-        let row = (y * width..(y + 1) * width).map(|at| luminance(&frame.radiance.at(at)));
-        [weight, weight * row.sum::<f64>() / width as f64]
+        let row = (y * width..(y + 1) * width).skip(step / 2).step_by(step);
+        let sum = row.map(|at| luminance(&frame.radiance.at(at))).sum::<f64>();
+        [weight, weight * sum / (width - step / 2).div_ceil(step) as f64]
     });
     let rows: Vec<[f64; 2]> = rows.collect(); // summed in order, so that the sum is always the same
     let [weight, sum] = rows.iter().fold([0.0; 2], |sum, row| [sum[0] + row[0], sum[1] + row[1]]);

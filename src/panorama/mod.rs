@@ -1,6 +1,7 @@
 //! The 360° RGBD video. Files or memory become linear radiance and metres, on the equirectangular mapping.
 pub mod clipped;
 pub mod cloud;
+pub mod codes;
 pub mod cube;
 pub mod depth;
 mod frame;

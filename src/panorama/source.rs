@@ -165,7 +165,7 @@ impl PanoramaSpec {
 impl PanoramaFrame {
     /// Bytes that it takes in memory.
     pub fn bytes(&self) -> usize {
-        self.radiance.bytes().len() + size_of_val(&self.depth[..])
+        self.radiance.kept_bytes() + size_of_val(&self.depth[..])
     }
 
     /// How well the depth knows its surfaces.

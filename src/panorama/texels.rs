@@ -1,5 +1,7 @@
-//! The colours of a panorama in memory: 32-bit floats, or 16-bit ones where it is large.
+//! The colours of a panorama in memory: 32-bit floats, or 16-bit ones where it is large, or codes of which texels are made
+//! when they are asked for.
 
+use super::codes::Codes;
 use half::{
     f16,
     slice::{HalfBitsSliceExt as _, HalfFloatSliceExt as _},
@@ -20,13 +22,20 @@ const ROOT: f32 = 4096.0;
 pub const BRIGHTEST: f32 = MOST * SCALE;
 
 /// Linear RGBA texels. How they are kept follows from their number alone.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Texels(Kept);
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 enum Kept {
     Full(Vec<[f32; 4]>),
     Half(Vec<[u16; 4]>),
+    Codes(Box<Codes>),
+}
+
+impl PartialEq for Texels {
+    fn eq(&self, other: &Self) -> bool {
+        self.len() == other.len() && self.bytes() == other.bytes()
+    }
 }
 
 /// Says whether so many texels are kept as 16-bit floats.
@@ -101,6 +110,7 @@ impl Texels {
         match &self.0 {
             Kept::Full(texels) => texels.len(),
             Kept::Half(texels) => texels.len(),
+            Kept::Codes(codes) => codes.len(),
         }
     }
 
@@ -113,17 +123,68 @@ impl Texels {
         match &self.0 {
             Kept::Full(texels) => texels[index],
             Kept::Half(texels) => widen(texels[index]),
+            Kept::Codes(codes) => codes.at(index),
+        }
+    }
+
+    /// The codes of which texels are made, if they are kept so.
+    pub fn codes(&self) -> Option<&Codes> {
+        match &self.0 {
+            Kept::Codes(codes) => Some(codes),
+            Kept::Full(_) | Kept::Half(_) => None,
+        }
+    }
+
+    /// The same, to say what they mean.
+    pub fn codes_mut(&mut self) -> Option<&mut Codes> {
+        match &mut self.0 {
+            Kept::Codes(codes) => Some(codes),
+            Kept::Full(_) | Kept::Half(_) => None,
+        }
+    }
+
+    /// All of them, made if they are kept as codes.
+    fn all(&self) -> &Self {
+        self.codes().map_or(self, Codes::all)
+    }
+
+    /// A texel as it is kept among so many.
+    pub(super) fn rounded(texel: [f32; 4], count: usize) -> [f32; 4] {
+        if !are_half(count) {
+            return texel;
+        }
+        let mut bits = [[0; 4]];
+        narrow(&[texel], &mut bits);
+        widen(bits[0])
+    }
+
+    /// Bytes that they take in memory.
+    pub fn kept_bytes(&self) -> usize {
+        self.codes().map_or_else(|| self.bytes().len(), Codes::bytes)
+    }
+
+    /// The texels by which a measure is more than `least`, with their numbers, in any order. The measure of a texel is no
+    /// more than its largest channel times alpha.
+    pub fn brighter(&self, least: f32, measure: impl Fn(&[f32; 4]) -> f32 + Sync) -> Vec<(f32, u32)> {
+        let measured = |at: u32| Some((measure(&self.at(at as usize)), at)).filter(|(value, _)| *value > least);
+        match self.codes() {
+            Some(codes) if !codes.are_made() => {
+                codes.maybe_brighter(least).into_par_iter().filter_map(measured).collect()
+            }
+            _ => (0..self.len() as u32).into_par_iter().filter_map(measured).collect(),
         }
     }
 
     /// Returns all of them in order.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = [f32; 4]> + ExactSizeIterator + Clone {
-        (0..self.len()).map(|index| self.at(index))
+        let all = self.all();
+        (0..all.len()).map(|index| all.at(index))
     }
 
     /// The same for several threads.
     pub fn par_iter(&self) -> impl IndexedParallelIterator<Item = [f32; 4]> {
-        (0..self.len()).into_par_iter().map(|index| self.at(index))
+        let all = self.all();
+        (0..all.len()).into_par_iter().map(|index| all.at(index))
     }
 
     /// All of them as 32-bit floats.
@@ -136,12 +197,22 @@ impl Texels {
         match &self.0 {
             Kept::Full(texels) => bytemuck::cast_slice(texels),
             Kept::Half(texels) => bytemuck::cast_slice(texels),
+            Kept::Codes(codes) => codes.all().bytes(),
+        }
+    }
+
+    /// Keeps them as floats.
+    fn make_all(&mut self) {
+        if let Kept::Codes(codes) = &self.0 {
+            *self = codes.all().clone();
         }
     }
 
     /// Changes texels in order, a piece at a time. A piece comes with the number of its first texel.
     pub fn change(&mut self, mut change: impl FnMut(usize, &mut [[f32; 4]])) {
+        self.make_all();
         match &mut self.0 {
+            Kept::Codes(_) => {}
             Kept::Full(texels) => change(0, texels),
             Kept::Half(texels) => {
                 let mut wide = Vec::with_capacity(PIECE);
@@ -162,7 +233,9 @@ impl Texels {
 
     /// Writes texels from number `first` on.
     pub fn write(&mut self, first: usize, texels: &[[f32; 4]]) {
+        self.make_all();
         match &mut self.0 {
+            Kept::Codes(_) => {}
             Kept::Full(all) => all[first..first + texels.len()].copy_from_slice(texels),
             Kept::Half(all) => narrow(texels, &mut all[first..first + texels.len()]),
         }
@@ -172,6 +245,12 @@ impl Texels {
 impl Default for Texels {
     fn default() -> Self {
         Self(Kept::Full(Vec::new()))
+    }
+}
+
+impl From<Codes> for Texels {
+    fn from(codes: Codes) -> Self {
+        Self(Kept::Codes(Box::new(codes)))
     }
 }
 

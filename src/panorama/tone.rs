@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 /// Linear values up to this one stay as they are (sRGB code 203).
-const KNEE: f32 = 0.6;
+pub const KNEE: f32 = 0.6;
 
 /// Raises bright texels so that linear 1 becomes `factor` (≥ 1), and keeps their hue. Let m be the largest
 /// channel, k the knee, and x = (m − k)/(1 − k). Above the knee m becomes k + (1 − k)·x/(1 − b·x), which has
@@ -29,8 +29,9 @@ pub fn compress(color: Vec3, factor: f32) -> Vec3 {
     color * (compressed / largest)
 }
 
-fn bend(factor: f32) -> f32 {
-    1.0 - (1.0 - KNEE) / (factor - KNEE)
+/// b of [`expand`]; 0 if it does nothing.
+pub fn bend(factor: f32) -> f32 {
+    if factor <= 1.0 { 0.0 } else { 1.0 - (1.0 - KNEE) / (factor - KNEE) }
 }
 
 #[cfg(test)]

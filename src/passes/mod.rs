@@ -15,6 +15,7 @@ pub mod fault;
 pub mod free_lamps;
 pub mod gbuffer;
 pub mod geometry;
+pub mod ingest;
 pub mod interpolate;
 pub mod irradiance;
 pub mod light_table;
@@ -87,6 +88,15 @@ pub const PASSES: &[PassRow] = &[
         dispatches: |plan| u32::from(plan.ray_queries()),
         without: &[Part::Objects],
         color: "#17becf",
+    },
+    PassRow {
+        name: "ingest",
+        what: "radiance of a video frame's codes",
+        every: Every::VideoFrame,
+        shaders: &[("ingest", shaders::INGEST)],
+        dispatches: |plan| u32::from(plan.codes().is_some()),
+        without: &[Part::Ingest],
+        color: "#e377c2",
     },
     PassRow {
         name: "radiance_pyramid",

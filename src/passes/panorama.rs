@@ -2,13 +2,14 @@
 
 use super::{
     free_lamps,
+    ingest::Codes,
     resources::{Resource, Resources},
     view::ViewData,
 };
 use crate::{
     Error, Result,
     gpu::{Buffer, Format, Frame, Gpu, Image},
-    panorama::{depth::Quality, lamps, source::PanoramaFrame, texels},
+    panorama::{codes::Coding, depth::Quality, lamps, source::PanoramaFrame, texels},
     plan::{Part, Plan},
 };
 
@@ -71,6 +72,8 @@ pub struct Panorama {
     pub resources: Resources,
     gpu: Gpu,
     radiance: Image,
+    /// What `ingest` makes radiance of. `None` if that comes as such.
+    codes: Option<Codes>,
     /// The lamps that hang free. `None` if none are looked for.
     lamps: Option<Buffer>,
     /// Depth as captured. Dropped once a panorama that never changes is prepared.
@@ -82,6 +85,8 @@ pub struct Panorama {
 pub struct Needs {
     /// The number of mip levels of radiance.
     pub color_levels: u32,
+    /// How frames are coded, if radiance is made of codes.
+    pub codes: Option<Coding>,
     /// Depth and normals.
     pub geometry: std::result::Result<(), Part>,
     /// The pyramid that rays walk.
@@ -100,6 +105,7 @@ impl Needs {
         let need = |needed: bool, part| if needed { Ok(()) } else { Err(part) };
         Self {
             color_levels: plan.color_levels(),
+            codes: plan.codes(),
             geometry: need(plan.geometry(), Part::Objects),
             boxes: need(plan.boxes(), if plan.on(Part::Objects) { Part::RealTracer } else { Part::Objects }),
             lights: need(plan.on(Part::LightTable), Part::LightTable),
@@ -124,6 +130,7 @@ pub fn bytes(plan: &Plan) -> u64 {
     // depth and normals, then the images that they are made from
     let geometry = depth * (4 + 8) + if plan.on(Part::Video) { depth * (4 + 16) } else { 0 };
     radiance
+        + plan.codes().map_or(0, |coding| super::ingest::bytes(coding, facts.color_size))
         + if plan.geometry() { geometry } else { 0 }
         + if plan.boxes() { u64::from(PyramidShape::new(facts.depth_size).nodes * NODE_TEXELS) * 16 } else { 0 }
         + if plan.on(Part::LightTable) { super::light_table::BYTES } else { 0 }
@@ -202,6 +209,7 @@ impl Panorama {
             resources,
             gpu: gpu.clone(),
             radiance,
+            codes: needs.codes.map(|coding| Codes::new(gpu, coding, color_size)).transpose()?,
             lamps,
             raw_depth,
         })
@@ -218,6 +226,14 @@ impl Panorama {
 
     pub fn radiance(&self) -> &Image {
         &self.radiance
+    }
+
+    /// What `ingest` reads.
+    ///
+    /// # Errors
+    /// Fails with [`Error::Internal`] if radiance is not made of codes.
+    pub fn codes(&self) -> Result<&Codes> {
+        self.codes.as_ref().ok_or_else(|| Error::Internal("the panorama has no codes".into()))
     }
 
     /// Depth as captured, before `normals` moves it off the steps of its codes.
@@ -239,6 +255,7 @@ impl Panorama {
     /// Frees what only the passes of a new video frame read, as there will be no new one.
     pub fn settle(&mut self) {
         self.raw_depth = None;
+        self.codes = None;
         self.resources.0.retain(|(name, _)| *name != "plane");
     }
 
@@ -269,19 +286,9 @@ impl Panorama {
 
     /// Records the upload of a video frame. The passes of a new video frame must run after it.
     pub fn upload(&mut self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
-        let width = self.color_size[0] as usize;
-        let texels = content.radiance.bytes();
-        if texels::is_half(self.color_size) {
-            // A large panorama goes up by itself, in strips, so that it is not in memory as a whole once more.
-            let rows = (STRIP / width).max(1);
-            let strip = rows * width * self.radiance.format().bytes() as usize;
-            for (number, strip) in texels.chunks(strip).enumerate() {
-                let mut upload = self.gpu.frame()?;
-                upload.write_rows(&self.radiance, (number * rows) as u32, strip)?;
-                upload.run()?;
-            }
-        } else {
-            frame.write_image(&self.radiance, 0, 0, texels)?;
+        match (&self.codes, content.radiance.codes()) {
+            (Some(images), Some(codes)) => images.upload(frame, codes)?,
+            _ => self.upload_radiance(frame, content)?,
         }
         let mut depth = &content.depth;
         let found;
@@ -301,6 +308,23 @@ impl Panorama {
         let given = if self.quality.noise > 0.0 { self.depth()? } else { self.raw_depth()? };
         frame.write_image(given, 0, 0, &with_poles(depth, content.depth_size))
     }
+
+    fn upload_radiance(&self, frame: &mut Frame, content: &PanoramaFrame) -> Result<()> {
+        let texels = content.radiance.bytes();
+        if !texels::is_half(self.color_size) {
+            return frame.write_image(&self.radiance, 0, 0, texels);
+        }
+        // A large panorama goes up by itself, in strips, so that it is not in memory as a whole once more.
+        let width = self.color_size[0] as usize;
+        let rows = (STRIP / width).max(1);
+        let strip = rows * width * self.radiance.format().bytes() as usize;
+        for (number, strip) in texels.chunks(strip).enumerate() {
+            let mut upload = self.gpu.frame()?;
+            upload.write_rows(&self.radiance, (number * rows) as u32, strip)?;
+            upload.run()?;
+        }
+        Ok(())
+    }
 }
 
 /// Makes an image for this many nodes.
@@ -310,7 +334,7 @@ fn pyramid(gpu: &Gpu, nodes: u32) -> Result<Image> {
 }
 
 /// (sin φ, cos φ) of each column in the world. From `stride` on, (sin θ, cos θ) of each row and both poles.
-fn angles([width, height]: [u32; 2], yaw_degrees: f32, stride: u32) -> Vec<[f32; 2]> {
+pub(super) fn angles([width, height]: [u32; 2], yaw_degrees: f32, stride: u32) -> Vec<[f32; 2]> {
     use std::f64::consts::{PI, TAU};
     let yaw = f64::from(yaw_degrees).to_radians();
     let pair = |angle: f64| [angle.sin() as f32, angle.cos() as f32];

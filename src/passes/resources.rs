@@ -79,6 +79,8 @@ pub const STRUCTS: &[StructLayout] = &[
     struct_layout::<packed::Punctual>("Punctual"),
     struct_layout::<trace_rays::TracedRay>("TracedRay"),
     struct_layout::<super::free_lamps::FreeLamp>("FreeLamp"),
+    struct_layout::<super::ingest::Meaning>("Meaning"),
+    struct_layout::<super::ingest::Raised>("Raised"),
     struct_layout::<super::deform::RestVertex>("RestVertex"),
     struct_layout::<super::deform::Influence>("Influence"),
     struct_layout::<super::deform::Delta>("Delta"),

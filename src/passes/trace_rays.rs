@@ -103,6 +103,7 @@ impl RayTracer {
         let kernel = Kernel::new::<Push>(gpu, "trace_rays", shaders::TRACE_RAYS, &constants)?;
         let needs = Needs {
             color_levels: 1,
+            codes: None,
             geometry: Ok(()),
             boxes: Ok(()),
             lights: Err(Part::LightTable),

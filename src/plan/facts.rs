@@ -6,6 +6,7 @@ use crate::{
     gpu::Constant,
     options::RenderOptions,
     panorama::{
+        codes::{Codes, Coding},
         lamps,
         light::{light_share, mean_luminance},
         mapping::texel_direction,
@@ -63,6 +64,8 @@ pub struct Facts {
     pub light_share: Option<f64>,
     /// How many small lamps hang free in the panorama. `None` if the panorama changes.
     pub free_lamps: Option<usize>,
+    /// How the panorama's frames are coded, if they are kept as codes.
+    pub codes: Option<Coding>,
     /// How many rows of the panorama a pixel spans at the camera's widest angle.
     pub footprint: f32,
     /// Where the camera is over the whole time.
@@ -125,6 +128,7 @@ impl Facts {
             has_depth: !still || first.depth.iter().any(|depth| *depth > 0.0),
             light_share: still.then(|| light_share(&first)),
             free_lamps: still.then(|| lamps::find(&first).lamps.len()),
+            codes: first.radiance.codes().map(Codes::coding),
             footprint: widest.pixel_angle(options.size[1]) * first.color_size[1] as f32 / std::f32::consts::PI,
             camera: camera_place(scene, options.eye),
             camera_moves: !scene.camera.is_constant(),

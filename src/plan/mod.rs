@@ -15,7 +15,7 @@ use crate::{
     Result,
     gpu::Constant,
     options::RenderOptions,
-    panorama::texels,
+    panorama::{codes::Coding, texels},
     scene::Scene,
     settings::{Directions, FilterOrder, MaskBy, Method, RealTracer, Settings, VirtualTracer},
 };
@@ -65,7 +65,7 @@ impl PartialEq for Plan {
     fn eq(&self, other: &Self) -> bool {
         let key = |plan: &Self| {
             let on: Vec<bool> = plan.parts.iter().map(|part| part.on).collect();
-            let Facts { projection, of_eye, color_size, depth_size, .. } = plan.facts;
+            let Facts { projection, of_eye, color_size, depth_size, codes, .. } = plan.facts;
             let slots = plan.constant(Part::Textures);
             (
                 on,
@@ -77,6 +77,7 @@ impl PartialEq for Plan {
                 plan.color_levels(),
                 color_size,
                 depth_size,
+                codes,
                 slots,
             )
         };
@@ -178,6 +179,10 @@ impl Plan {
             Part::Video => {
                 (facts.video_frames > 1, format!("the panorama has {}", count(facts.video_frames, "frame", "frames")))
             }
+            Part::Ingest => match facts.codes {
+                Some(coding) => (true, format!("frames are {} codes", coding.format.name())),
+                None => (false, "frames are not kept as codes".to_owned()),
+            },
             Part::RadiancePyramid => {
                 let on = facts.footprint > 1.0;
                 (on, format!("a pixel spans {:.2} texels of the panorama", facts.footprint))
@@ -350,6 +355,11 @@ impl Plan {
     /// The constant that says whether the panorama is of 16-bit floats.
     pub fn halves(&self) -> Constant {
         ("HALVES", u32::from(texels::is_half(self.facts.color_size)))
+    }
+
+    /// The coding of frames of which the device makes radiance.
+    pub fn codes(&self) -> Option<Coding> {
+        self.facts.codes.filter(|_| self.on(Part::Ingest))
     }
 
     /// Whether anything needs the normals of real surfaces, and depth without its codes' steps.

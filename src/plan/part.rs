@@ -64,6 +64,11 @@ parts! {
         off_where: "the panorama has one frame",
         leaves_out: "after the first frame: raw depth, plane fits, the pipelines of a new video frame",
     }
+    Ingest: "A video's codes as they are, of which the device makes radiance." {
+        name: "ingest", setting: "ingest", off: "off", needs: None, constant: None,
+        off_where: "the panorama's colours are no video, or are changed before they are used: masked, levelled, made smaller, of a cubemap",
+        leaves_out: "the pass; the processor makes radiance of the codes, and that is uploaded",
+    }
     RadiancePyramid: "Mip levels of the panorama." {
         name: "radiance_pyramid", setting: "radiance_pyramid", off: "off", needs: None, constant: Some("MINIFIED"),
         off_where: "no pixel spans more than a texel, at the widest angle of the camera",

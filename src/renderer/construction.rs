@@ -12,6 +12,7 @@ use crate::{
         composite::Composite,
         depth_pyramid::DepthPyramid,
         gbuffer::{Gbuffer, Look},
+        ingest::Ingest,
         interpolate::Interpolate,
         irradiance::Irradiance,
         light_table::LightTable,
@@ -32,6 +33,7 @@ use std::sync::Weak;
 impl Preparation {
     fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         Ok(Self {
+            ingest: plan.codes().map(|coding| Ingest::new(gpu, coding, plan.halves())).transpose()?,
             radiance_pyramid: (plan.color_levels() > 1)
                 .then(|| RadiancePyramid::new(gpu, plan.halves()))
                 .transpose()?,

@@ -189,6 +189,7 @@ fn bench_writes_its_schema() {
         [
             "deform",
             "acceleration",
+            "ingest",
             "radiance_pyramid",
             "normals",
             "depth_pyramid",
@@ -219,6 +220,7 @@ fn bench_writes_its_schema() {
         let idle = [
             "deform",
             "acceleration",
+            "ingest",
             "radiance_pyramid",
             "normals",
             "depth_pyramid",

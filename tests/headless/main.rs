@@ -33,6 +33,7 @@ mod gltf_lenient;
 mod golden;
 mod gpu;
 mod identities;
+mod ingest;
 mod inspect;
 mod large;
 mod layers;

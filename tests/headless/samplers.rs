@@ -334,6 +334,7 @@ fn light_samples(gpu: &Gpu, settings: &Settings, x: Vec3, grid: u32, yaw_degrees
     let frame = room(size, HIGH - LOW, 0.5 * (LOW + HIGH), |d| glow(to_panorama.inverse() * d));
     let needs = Needs {
         color_levels: 1,
+        codes: None,
         geometry: Err(Part::Objects),
         boxes: Err(Part::Objects),
         lights: Ok(()),
