@@ -33,6 +33,9 @@ pub struct Codes {
     made: OnceLock<Box<Texels>>,
 }
 
+/// The most bytes of a frame: more do not fit the image of words that `passes::ingest` reads.
+const MOST_BYTES: usize = 1 << 28;
+
 /// What all frames of a video have in common, as codes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coding {
@@ -54,7 +57,8 @@ impl Codes {
         };
         // Chroma planes that hold red and blue are rare.
         let plain = info.format.kind != Kind::Yuv || info.tags.matrix != Matrix::Rgb;
-        plain && !changed && super::reduce::reduced(size).is_none()
+        let fits = info.format.frame_bytes(info.size) <= MOST_BYTES;
+        plain && fits && !changed && super::reduce::reduced(size).is_none()
     }
 
     pub fn new(info: Arc<VideoInfo>, bytes: Arc<Vec<u8>>, part: Part, spec: &PanoramaSpec) -> Self {
@@ -118,7 +122,7 @@ impl Codes {
         self.made = OnceLock::new();
     }
 
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.part.size[0] as usize * self.part.size[1] as usize
     }
 
@@ -140,7 +144,7 @@ impl Codes {
             Some(made) => made.at(index),
             None => {
                 let (x, y) = (index as u32 % self.part.size[0], index as u32 / self.part.size[0]);
-                Texels::rounded(self.shown(self.planes().pixel(self.part, [x, y]), index), self.len())
+                Texels::rounded(self.shown(self.planes().pixel(self.part, [x, y]), index), self.count())
             }
         }
     }
@@ -149,7 +153,7 @@ impl Codes {
     pub fn all(&self) -> &Texels {
         self.made.get_or_init(|| {
             let (width, planes) = (self.part.size[0] as usize, self.planes());
-            let mut all = Texels::blank(self.len());
+            let mut all = Texels::blank(self.count());
             all.change(|first, texels| {
                 // A piece may begin within a row.
                 let row = |(number, texels): (usize, &mut [[f32; 4]])| {

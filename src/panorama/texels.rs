@@ -110,7 +110,7 @@ impl Texels {
         match &self.0 {
             Kept::Full(texels) => texels.len(),
             Kept::Half(texels) => texels.len(),
-            Kept::Codes(codes) => codes.len(),
+            Kept::Codes(codes) => codes.count(),
         }
     }
 
