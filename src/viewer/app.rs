@@ -131,6 +131,8 @@ struct Waiting {
     since: Instant,
     /// Number of pictures so far.
     pictures: u64,
+    /// Number of errors when the step began.
+    errors: usize,
     frame: Option<u64>,
     answers: Option<usize>,
 }
@@ -182,7 +184,7 @@ impl App {
             lose: false,
             closed: false,
             notches: Notches::default(),
-            waiting: Waiting { since: Instant::now(), pictures: 0, frame: None, answers: None },
+            waiting: Waiting { since: Instant::now(), pictures: 0, errors: 0, frame: None, answers: None },
         })
     }
 

@@ -122,8 +122,12 @@ impl Tried<'_> {
                 (false, _) => &ends[..places.len().min(2)],
             };
             let others = OTHER_ANSWERS.iter().find(|(call, _)| call == name).map_or(&[][..], |(_, answers)| *answers);
-            let answers = || [None].into_iter().chain(others.iter().map(|answer| Some(answer.to_string())));
-            for (at, result) in chosen.iter().flat_map(|at| answers().map(move |answer| (at, answer))) {
+            let usual = chosen.iter().map(|at| (*at, None));
+            let others = others.iter().flat_map(|answer| {
+                let places = if every_call() { chosen } else { &chosen[..chosen.len().min(1)] };
+                places.iter().map(|at| (*at, Some(answer.to_string())))
+            });
+            for (at, result) in usual.chain(others) {
                 self.remove();
                 let number = at.to_string();
                 let mut variables = vec![("FAULT_AT", &number[..])];

@@ -15,6 +15,8 @@ use winit::dpi::PhysicalSize;
 
 /// How long a script waits for one thing without a new picture before it is given up.
 const PATIENCE: Duration = Duration::from_secs(120);
+/// The same after an error: most likely no more pictures come.
+const PATIENCE_AFTER_ERROR: Duration = Duration::from_secs(5);
 /// How often a script checks what it waits for.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -52,7 +54,8 @@ impl App {
             {
                 self.waiting.since = Instant::now();
             }
-            if self.waiting.since.elapsed() > PATIENCE {
+            let failed = self.session.errors.len() > self.waiting.errors;
+            if self.waiting.since.elapsed() > if failed { PATIENCE_AFTER_ERROR } else { PATIENCE } {
                 let said = self.session.errors.join("; ");
                 let problem =
                     format!("{step:?} does not come to an end{}{said}", if said.is_empty() { "" } else { ": " });
@@ -67,7 +70,8 @@ impl App {
         script.done();
         self.look_at = None;
         tracing::info!("script, {:.1} s: {step:?}", self.start.elapsed().as_secs_f64());
-        self.waiting = Waiting { since: Instant::now(), pictures: 0, frame: None, answers: None };
+        let errors = self.session.errors.len();
+        self.waiting = Waiting { since: Instant::now(), pictures: 0, errors, frame: None, answers: None };
         self.perform(step)?;
         (self.dirty, self.stepped) = (true, true);
         Ok(false)
