@@ -47,7 +47,7 @@ fn ingested(gpu: &Gpu, scene: &Scene, content: &PanoramaFrame) -> Texels {
     let plan = Plan::of(scene, &options(Method::Iprt, &[]), None).expect("a plan");
     let coding = plan.codes().expect("codes");
     let needs = Needs::of(&plan);
-    let panorama = Panorama::new(gpu, content.color_size, content.depth_size, 0.0, needs).expect("fits");
+    let mut panorama = Panorama::new(gpu, content.color_size, content.depth_size, 0.0, needs).expect("fits");
     let ingest = Ingest::new(gpu, coding, plan.halves()).expect("a pass");
     let mut frame = gpu.frame().expect("a frame");
     panorama.upload(&mut frame, content).expect("fits");

@@ -16,7 +16,7 @@ use winit::dpi::PhysicalSize;
 /// How long a script waits for one thing without a new picture before it is given up.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// The same after an error: most likely no more pictures come.
-const PATIENCE_AFTER_ERROR: Duration = Duration::from_secs(5);
+const PATIENCE_AFTER_ERROR: Duration = Duration::from_secs(20);
 /// How often a script checks what it waits for.
 const LOOK: Duration = Duration::from_millis(20);
 
