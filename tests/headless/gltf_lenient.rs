@@ -346,7 +346,8 @@ fn shapes_that_many_nodes_pose_are_counted_together() {
     folder.paint("white.png", |_, _| [255; 3]);
     folder.write("posed.toml", scene);
     // A thousand triangles, of which every node has its own, since it poses them by weights of its own.
-    let corner = |vertex: u32| [vertex % 2, (vertex / 3) % 2, 0].map(|n| (n as f32).to_le_bytes());
+    let corner =
+        |vertex: u32| [u32::from(vertex % 3 == 1), u32::from(vertex % 3 == 2), 0].map(|n| (n as f32).to_le_bytes());
     let bytes: Vec<u8> = (0..3000).flat_map(corner).flatten().collect();
     let buffer = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes));
     let posed = |count: usize| {

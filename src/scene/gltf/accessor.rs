@@ -128,7 +128,8 @@ pub(super) fn elements(file: &File, index: usize, user: &str) -> Read<Elements> 
     let numbers = most.saturating_mul(4 * components as u64);
     let bytes = most.saturating_mul(size as u64).saturating_add(numbers).saturating_add(file.read.get());
     if let Some(problem) = budget::refusal(bytes) {
-        return Err(Fault { problem: format!("{user}: {problem}"), remedy: budget::REMEDY.into() });
+        let fault = Fault { problem: format!("{user}: {problem}"), remedy: budget::REMEDY.into() };
+        return Err(file.fill(fault));
     }
     file.read.set(file.read.get() + numbers);
     let Some(count) = accessor.index("count") else { return Err(fault(format!("{user}: has no count"))) };

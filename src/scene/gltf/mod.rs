@@ -126,6 +126,8 @@ struct File<'a> {
     warnings: RefCell<BTreeMap<String, (String, usize)>>,
     /// Vertices and triangle corners read so far.
     corners: Cell<usize>,
+    /// What was found to be too much.
+    full: RefCell<Option<Fault>>,
     /// The number of the variant whose materials are taken.
     variant: Option<usize>,
     /// Elements of accessors without a buffer so far: of those that are all zero, and of sparse ones.
@@ -156,6 +158,7 @@ impl<'a> File<'a> {
             views: root.list("bufferViews").map(|_| OnceCell::new()).collect(),
             warnings: RefCell::default(),
             corners: Cell::new(0),
+            full: RefCell::default(),
             variant: None,
             zeros: Cell::new(0),
             sparse: Cell::new(0),
@@ -235,17 +238,21 @@ impl<'a> File<'a> {
 
     /// Refuses a file that would fill the memory, from then on.
     fn count_corners(&self, corners: usize) -> Read<()> {
-        if self.has_room(corners) {
+        if self.has_room(corners) && !self.is_full() {
             return Ok(());
         }
-        self.corners.set(usize::MAX);
         let remedy = "simplify the model".into();
-        Err(Fault { problem: format!("holds more than {MAX_CORNERS} vertices"), remedy })
+        Err(self.fill(Fault { problem: format!("holds more than {MAX_CORNERS} vertices"), remedy }))
+    }
+
+    /// Notes that a file holds too much, and returns what was found first.
+    fn fill(&self, fault: Fault) -> Fault {
+        self.full.borrow_mut().get_or_insert(fault).clone()
     }
 
     /// Whether a file was found to hold too much.
     fn is_full(&self) -> bool {
-        self.corners.get() == usize::MAX
+        self.full.borrow().is_some()
     }
 
     /// Returns a buffer, which is read when it is first needed.
