@@ -5,9 +5,15 @@ use crate::{Error, Result};
 use glam::{Vec3, vec3};
 use std::{collections::HashMap, sync::Arc};
 
-/// What was made of textures, with their source, by it and the channel that is 1. Objects share it.
+/// What was made of textures, by the source and the channel that is 1. Objects share it.
 #[derive(Default)]
-pub struct Copies(HashMap<(*const Texture, usize), (Arc<Texture>, Arc<Texture>)>);
+pub struct Copies(HashMap<(*const Texture, usize), Copied>);
+
+struct Copied {
+    /// Is kept, so that no other texture comes to its place in memory.
+    _source: Arc<Texture>,
+    copy: Arc<Texture>,
+}
 
 /// A value of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,11 +156,12 @@ impl MaterialOverride {
                 for (given, channel) in [(self.roughness, 1), (self.metallic, 2)] {
                     if given.is_some() {
                         let texture = &textures[used.texture];
-                        let (_, copy) = copies
-                            .0
-                            .entry((Arc::as_ptr(texture), channel))
-                            .or_insert_with(|| (texture.clone(), Arc::new(texture.with_channel_at_one(channel))));
-                        textures.push(copy.clone());
+                        let copied = copies.0.entry((Arc::as_ptr(texture), channel)).or_insert_with(|| Copied {
+                            _source: texture.clone(),
+                            copy: Arc::new(texture.with_channel_at_one(channel)),
+                        });
+                        let copy = copied.copy.clone();
+                        textures.push(copy);
                         used.texture = textures.len() - 1;
                     }
                 }
