@@ -251,6 +251,9 @@ fn damaged(error: image::ImageError, subject: &str) -> Error {
     Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
 }
 
+/// The most bytes of what a PNG holds compressed beside its pixels.
+pub const MOST_OF_PROFILE: u64 = 32 << 20;
+
 /// Says if a JPEG is cut off.
 fn check_jpeg(mut reader: impl BufRead + Seek, subject: &str) -> Result<Option<String>> {
     let size = ImageReader::with_format(&mut reader, ImageFormat::Jpeg).into_dimensions();
@@ -282,8 +285,9 @@ pub(super) fn head<'a>(
         notes.extend(check_jpeg(&mut reader, subject)?);
     }
     let mut limits = Limits::default();
-    // A profile is compressed, too.
-    limits.max_alloc = Some((MAX_PIXELS * 16).min(budget::limit()));
+    // A profile is compressed, too, and a small one may claim to be large.
+    let most = if format == ImageFormat::Png { MOST_OF_PROFILE } else { MAX_PIXELS * 16 };
+    limits.max_alloc = Some(most.min(budget::limit()));
     let mut reader = ImageReader::with_format(reader, format);
     reader.limits(limits);
     let mut decoder = reader.into_decoder().map_err(|error| damaged(error, subject))?;

@@ -161,7 +161,7 @@ fn png_rows(
     let damaged = |error: png::DecodingError| {
         Error::input(subject, format!("cannot be decoded: {}", one_line(&error)), "write it again")
     };
-    let limits = png::Limits { bytes: 1 << 30 };
+    let limits = png::Limits { bytes: read::MOST_OF_PROFILE as usize };
     let mut decoder = png::Decoder::new_with_limits(begin(path)?.0, limits);
     decoder.set_transformations(png::Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(damaged)?;

@@ -19,7 +19,7 @@ use half::{bf16, f16};
 /// What the two lights are that an image packs, by surface: E_R and ΔE of real ones, the Lambert lobe and all others of
 /// virtual ones.
 const LIGHTS: [(&str, u32, Values); 4] = [
-    ("irradiance_real", REAL, Values::A),
+    ("without_objects_real", REAL, Values::A),
     ("change_real", REAL, Values::B),
     ("diffuse_virtual", VIRTUAL, Values::A),
     ("rest_virtual", VIRTUAL, Values::B),

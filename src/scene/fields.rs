@@ -193,6 +193,11 @@ impl<'a> FieldTable<'a> {
                 if let Some(value) = text.contains('$').then(|| path.to_str()).flatten() {
                     let end = |text: &str| text.find(['%', '#']).unwrap_or(text.len());
                     terminal::hide(&value[..end(value)], &text[..end(text)]);
+                    // A glTF file names others beside it.
+                    let folder = |path: &str| Path::new(path).parent().and_then(Path::to_str).map(str::to_owned);
+                    if let (Some(value), Some(text)) = (folder(value), folder(text).filter(|text| text.contains('$'))) {
+                        terminal::hide(&value, &text);
+                    }
                 }
                 Some(path)
             }

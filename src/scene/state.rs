@@ -149,11 +149,18 @@ pub(super) fn place(objects: &[Object]) -> Result<(PackedScene, Vec<Placed>, Vec
     let mut packed = pack(&models)?;
     let mut next_id = 1;
     let mut placed = Vec::new();
+    let mut posed = HashMap::new();
     for (object, model) in objects.iter().zip(model_of) {
         let (mut instances, mut deforming) = (Vec::new(), Vec::new());
         for (node, mesh) in object.model.rig.nodes.iter().enumerate().filter_map(|(i, n)| Some((i, n.mesh?))) {
             let deforms = plays(object) && object.model.meshes.get(mesh).is_some_and(|mesh| mesh.deform.is_some());
-            let own = if deforms { packed.deforming(&object.model, mesh)? } else { None };
+            // Objects that play the same clip in step are posed once.
+            let key = (Arc::as_ptr(&object.model), mesh, node, object.clip, object.speed.to_bits());
+            let own = match posed.get(&key) {
+                Some(own) => Option::clone(own),
+                None if deforms => posed.entry(key).or_insert(packed.deforming(&object.model, mesh)?).clone(),
+                None => None,
+            };
             let shared = packed.meshes[model].get(mesh).copied().flatten().filter(|_| !deforms);
             if let Some((_, deform)) = &own {
                 deforming.push((instances.len(), deform.clone()));
@@ -194,17 +201,20 @@ pub(super) fn instances_at(objects: &[Placed], time_seconds: f64, previous_time:
     let mut instances = Vec::new();
     let mut boxes = Vec::new();
     let mut lights = Vec::new();
-    let mut poses = Vec::new();
+    let mut poses: Vec<Pose> = Vec::new();
+    let mut numbers = HashMap::new();
     for placed in objects {
-        let first_pose = poses.len();
-        poses.extend(placed.poses(time_seconds, previous_time));
+        for (deform, pose) in placed.poses(time_seconds, previous_time, |deform| !numbers.contains_key(&deform)) {
+            numbers.insert(deform, poses.len());
+            poses.push(pose);
+        }
         let first_deformed = objects.iter().find_map(|placed| placed.deforming.first()).map(|(_, d)| d.first_triangle);
         let now = placed.matrices(time_seconds);
         lights.extend(placed.object.model.lights.iter().map(|light| light.pack(&now[light.node])));
         let before = if previous_time == time_seconds { now.clone() } else { placed.matrices(previous_time) };
         for (index, &(node, mesh, id)) in placed.instances.iter().enumerate() {
-            let own = placed.deforming.iter().position(|(instance, _)| *instance == index);
-            let pose = own.and_then(|own| poses.get(first_pose + own));
+            let own = placed.deforming.iter().find(|(instance, _)| *instance == index);
+            let pose = own.and_then(|(_, deform)| poses.get(*numbers.get(&Arc::as_ptr(deform))?));
             let bounds = pose.map_or(mesh.bounds, |pose| pose.bounds);
             let Some(to_world) = made_invertible(&now[node]) else { continue };
             let previous = if before[node].is_finite() { before[node] } else { to_world };
@@ -255,28 +265,35 @@ impl Placed {
         nodes.into_iter().map(|node| world * node).collect()
     }
 
-    /// Returns what poses its deforming meshes at a time, and what posed them at another.
-    fn poses(&self, time: f64, previous: f64) -> Vec<Pose> {
-        if self.deforming.is_empty() {
+    /// Returns what poses those of its deforming meshes that are `wanted` at a time, and what posed them at another.
+    fn poses(
+        &self,
+        time: f64,
+        previous: f64,
+        wanted: impl Fn(*const deform::Placed) -> bool,
+    ) -> Vec<(*const deform::Placed, Pose)> {
+        let wanted: Vec<_> =
+            self.deforming.iter().map(|(_, deform)| deform).filter(|d| wanted(Arc::as_ptr(d))).collect();
+        if wanted.is_empty() {
             return Vec::new();
         }
         let Object { model, clip, speed, .. } = &self.object;
         let times = [time, previous].map(|time| clip.map(|clip| (clip, time * speed)));
         let nodes = times.map(|clip| model.rig.node_matrices(clip));
-        let pose = |(_, placed): &(usize, Arc<deform::Placed>)| {
+        let pose = |placed: &Arc<deform::Placed>| {
             let [now, before] = [0, 1].map(|at| placed.deform.stance_among(&nodes[at], &model.rig, times[at]));
-            Pose::new(placed, now, before)
+            (Arc::as_ptr(placed), Pose::new(placed, now, before))
         };
-        self.deforming.iter().map(pose).collect()
+        wanted.into_iter().map(pose).collect()
     }
 
     /// Returns the world box of all its instances, metres.
     pub(super) fn bounds(&self, time: f64) -> Bounds {
-        let (matrices, poses) = (self.matrices(time), self.poses(time, time));
+        let (matrices, poses) = (self.matrices(time), self.poses(time, time, |_| true));
         let own = |index: usize| self.deforming.iter().position(|(instance, _)| *instance == index);
         let boxes = self.instances.iter().enumerate().map(|(index, (node, mesh, _))| {
             let pose = own(index).and_then(|own| poses.get(own));
-            pose.map_or(mesh.bounds, Pose::posed_bounds).transformed(&matrices[*node])
+            pose.map_or(mesh.bounds, |(_, pose)| pose.posed_bounds()).transformed(&matrices[*node])
         });
         boxes.fold(Bounds::EMPTY, Bounds::union)
     }

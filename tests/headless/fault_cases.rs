@@ -156,6 +156,23 @@ fn a_large_panorama_is_in_memory_once() {
     }
 }
 
+/// A colour profile is compressed, and takes nothing of the pixels' budget.
+#[test]
+fn a_profile_that_unpacks_to_much_is_left_out() {
+    let folder = Folder::empty();
+    let mut info = png::Info::with_size(64, 32);
+    (info.color_type, info.bit_depth) = (png::ColorType::Grayscale, png::BitDepth::Eight);
+    info.icc_profile = Some(vec![0; 200 << 20].into());
+    let file = std::fs::File::create(folder.path("bomb.png")).expect("writes");
+    let mut writer = png::Encoder::with_info(file, info).and_then(png::Encoder::write_header).expect("a header");
+    writer.write_image_data(&[90; 64 * 32]).expect("pixels");
+    writer.finish().expect("ends");
+    assert!(folder.path("bomb.png").metadata().expect("is there").len() < 1 << 20);
+    folder.write("bomb.toml", "[panorama]\ncolor = \"bomb.png\"\ndepth = 3\n");
+    let most = peak(&folder, &["check", "bomb.toml"]);
+    assert!(most < 150 << 20, "{} MiB", most >> 20);
+}
+
 #[test]
 fn what_the_device_cannot_hold_is_refused_before_it_is_decoded() {
     let folder = Folder::empty();

@@ -2,14 +2,16 @@
 
 use crate::{common::*, folder::Folder, video_in::ffmpeg};
 use iprt::{
-    gpu::Gpu,
+    Error,
+    gpu::{FrameOptions, Gpu},
+    options::RenderOptions,
     panorama::{source::PanoramaFrame, texels::Texels},
     passes::{
         ingest::Ingest,
         panorama::{Needs, Panorama},
     },
     plan::{Part, Plan},
-    renderer::Renderer,
+    renderer::{Renderer, Wishes},
     scene::Scene,
     settings::Method,
 };
@@ -177,4 +179,34 @@ fn a_frame_of_codes_takes_as_little_as_its_codes() {
     assert_eq!(content.radiance.iter().count(), 64 * 32);
     assert_eq!(content.bytes(), 64 * 32 * (3 + 32) / 2 + depth, "and all texels, once somebody asked for them");
     assert!(Plan::of(&scene, &options(Method::Iprt, &[]), None).expect("a plan").on(Part::Ingest));
+}
+
+/// As `renderer::every_barrier_is_needed`, for a frame that begins with codes.
+#[test]
+fn every_barrier_of_a_frame_of_codes_is_needed() {
+    let folder = Folder::empty();
+    video(&folder, [64, 32], "yuv420p", "", "");
+    let thing = "[[object]]\nshape = \"sphere\"\nsize = 0.6\ntranslation = [0.1, -0.2, -1.4]";
+    let scene = open(&folder, thing);
+    validated(|gpu| {
+        let set = [("relight_levels", "2"), ("relight_width", "32"), ("interpolate", "true")];
+        let coarse = RenderOptions { size: [12, 8], ..options(Method::Iprt, &set) };
+        let mut renderer = rendered(gpu, &scene, coarse, 1);
+        let mut at = 0;
+        let reason = loop {
+            let submission = FrameOptions { skip_barrier: Some(at), ..Default::default() };
+            match renderer.begin(&scene, 1.0 / 25.0, &Wishes { submission, ..Default::default() }) {
+                Err(Error::Internal(text)) if text.contains("ingest") => break text,
+                Err(Error::Internal(text)) => assert!(text.contains("no barrier between"), "{text}"),
+                Err(other) => panic!("barrier {at}: {other}"),
+                Ok(_) => {
+                    panic!("barrier {at} can be left out, and none was between ingest and what reads its radiance")
+                }
+            }
+            at += 1;
+        };
+        assert!(reason.contains("no barrier between"), "{reason}");
+        let timings = renderer.render(&scene, 1.0 / 25.0).expect("renders");
+        assert!(timings.pass("ingest").is_some());
+    });
 }

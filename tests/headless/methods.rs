@@ -138,7 +138,8 @@ fn early_paths_bring_the_same_light_with_less_noise() {
         assert_eq!(masks, [1.0, 8.0]);
         // the mean light of a frame where all is virtual, and how it differs from that of the next
         let [(mean, noise), (early_mean, early_noise)] = renderers.each_mut().map(|renderer| {
-            let frame = |renderer: &Renderer| (aov(renderer, "irradiance_a_virtual"), aov(renderer, "mask_virtual"));
+            let frame =
+                |renderer: &Renderer| (aov(renderer, "irradiance_diffuse_virtual"), aov(renderer, "mask_virtual"));
             let (light, mask) = frame(renderer);
             renderer.render(&scene, 0.0).expect("renders");
             let (next, _) = frame(renderer);

@@ -365,8 +365,10 @@ fn what_is_left_out_is_named_where_it_is_asked_for() {
             aov(&renderer, &name);
         }
         let empty = RenderOptions { without_objects: true, ..case.options.clone() };
-        let error =
-            rendered(gpu, &case.scene, empty, 1).aov("accumulated_irradiance_real").expect_err("left out").to_string();
+        let error = rendered(gpu, &case.scene, empty, 1)
+            .aov("accumulated_without_objects_real")
+            .expect_err("left out")
+            .to_string();
         assert!(error.contains("objects is off: 0 meshes are inserted"), "{error}");
     });
 }

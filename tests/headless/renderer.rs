@@ -207,7 +207,7 @@ fn the_mask_saves_rays() {
                     "each pixel once in 1/{rate} frames"
                 );
                 // every pixel that the mask names was traced: a ray that found light left its E_R
-                let (mask, real) = (aov(&renderer, "mask_real"), aov(&renderer, "irradiance_a_real"));
+                let (mask, real) = (aov(&renderer, "mask_real"), aov(&renderer, "irradiance_without_objects_real"));
                 let traced = mask.iter().zip(&real).filter(|(m, _)| m[0] == 1.0);
                 let (lit, all) = traced.fold((0.0, 0.0), |(l, n), (_, e)| (l + f64::from(e[0] > 0.0), n + 1.0));
                 assert!(lit > 0.95 * all, "{lit} of {all}");
@@ -257,7 +257,11 @@ fn every_barrier_is_needed() {
             let planned = (pass.dispatches)(renderer.plan()) > 0;
             assert_eq!(timings.pass(pass.name).is_some(), planned, "{}", pass.name);
             // These have barriers of their own tests.
-            assert!(planned || ["deform", "acceleration"].contains(&pass.name), "{} was among them", pass.name);
+            assert!(
+                planned || ["deform", "acceleration", "ingest"].contains(&pass.name),
+                "{} was among them",
+                pass.name
+            );
         }
     });
 }

@@ -1,7 +1,10 @@
 //! What the program prints: whoever reads it may leave, a full disk is told, nothing in a name moves the cursor,
 //! and no signal leaves half a file.
 
-use crate::folder::{Folder, SCENE};
+use crate::{
+    folder::{Folder, SCENE},
+    gltf::triangle,
+};
 use std::{
     fs::File,
     path::{Path, PathBuf},
@@ -138,6 +141,18 @@ fn names_are_shown_as_text_and_values_of_the_environment_not_at_all() {
     });
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(stderr.contains("$ROOM_FOLDER/gone.png") && !stderr.contains("secret"), "{stderr}");
+    // And of a file that a glTF there names.
+    std::fs::create_dir_all(folder.path("secret")).expect("a folder");
+    folder.write(
+        "secret/a.gltf",
+        &format!(r#"{{"asset":{{"version":"2.0"}},{}}}"#, triangle("gone.bin", r#""count":3"#, "")),
+    );
+    folder.write("beside.toml", &format!("{SCENE}\n[[object]]\ngltf = \"$ROOM_FOLDER/a.gltf\"\n"));
+    let output = run(&folder, "check beside.toml", |command| {
+        command.env("ROOM_FOLDER", "secret");
+    });
+    let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+    assert!(said.contains("$ROOM_FOLDER/gone.bin") && !said.contains("secret"), "{said}");
 }
 
 #[test]

@@ -97,7 +97,7 @@ pub(super) fn image(file: &File, index: usize) -> Read<([u32; 2], Vec<[u8; 4]>)>
     let mut limits = Limits::default();
     limits.max_image_width = Some(16384);
     limits.max_image_height = Some(16384);
-    limits.max_alloc = Some(1 << 31);
+    limits.max_alloc = Some(if format == ImageFormat::Png { read::MOST_OF_PROFILE } else { 1 << 31 });
     let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
     reader.limits(limits);
     let words = |error: ImageError| damaged(read::one_line(&error));
